@@ -43,7 +43,7 @@ const LEAD_TOUCH_MM: f64 = 1e-12;
 
 /// Trials for each end of a small contour; and elements in all trials of a large one. If it takes
 /// more, that is noise, and the certificate ends where it certainly holds.
-const TRIALS: (usize, usize) = (100, 12_000_000);
+const TRIALS: (usize, usize) = (100, 30_000_000);
 
 /// The radii that a compensated piece of a program is good for.
 #[derive(Debug, Clone, PartialEq)]
@@ -178,12 +178,13 @@ impl<'a> Subject<'a> {
     fn bracket_above(&self, planned: f64) -> Option<Bracket> {
         let guess = self.vanishing_guess();
         // Joining allows for rounding, so a run may vanish a little late.
-        let mut near = [guess + EXACT_MM / 2.0, guess * (1.0 + 1e-3), planned * 2.0];
-        near.sort_by(f64::total_cmp);
-        let far = std::iter::successors(Some(planned * 8.0), |radius| Some(radius * 4.0));
+        let mut radii = vec![guess + EXACT_MM / 2.0, guess * (1.0 + 1e-3)];
+        let far = std::iter::successors(Some(planned * 2.0), |radius| Some(radius * 4.0));
+        radii.extend(far.take_while(|radius| *radius <= RADIUS_MM_MAX));
+        radii.retain(|radius| *radius <= RADIUS_MM_MAX);
+        radii.sort_by(f64::total_cmp);
         let mut valid = planned;
-        let known = |radius: &f64| *radius <= RADIUS_MM_MAX;
-        for radius in near.into_iter().filter(known).chain(far.take_while(known)) {
+        for radius in radii {
             if radius <= valid + EXACT_MM {
                 continue;
             }
@@ -228,7 +229,7 @@ impl<'a> Subject<'a> {
         let (mut has_estimate, mut creeps) = (true, false);
         // How far below the failing radius the next trial is; half of the interval at most.
         let mut step = EXACT_MM;
-        for _ in 0..(elements / self.runs.len().max(1)).clamp(12, most) {
+        for _ in 0..(elements / self.runs.len().max(1)).clamp(30, most) {
             if failing - valid <= CLOSED_MM {
                 break;
             }

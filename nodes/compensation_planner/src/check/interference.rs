@@ -4,7 +4,7 @@
 //! far apart they are in the program: walls of a slot, a contour that comes back on itself, an arc
 //! that bends back to its neighbour. `reach` decides about what the tool cannot reach.
 
-use crate::check::walls::Walls;
+use crate::check::walls::{BOX_REACHES, Walls};
 use crate::geometry::distance::{Nearest, are_apart, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
@@ -95,10 +95,10 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     let Joined { links, placed, .. } = *joined;
     let paths = paths(walls, joined, slack);
     let element = |path: &ToolMove| path.element(joined);
-    let elements = paths.iter().map(|path| (element(path), path.chain));
-    let tree = Tree::of_elements(elements, walls.tree().widest_mm);
     let reach = links.iter().map(|link| link.d_in_mm.abs().max(link.d_out_mm.abs()));
     let reach = reach.fold(0.0, f64::max);
+    let elements = paths.iter().map(|path| (element(path), path.chain));
+    let tree = Tree::of_elements(elements, walls.tree().widest_mm.max(BOX_REACHES * reach));
     let mut found: Vec<(usize, Cut)> = Vec::new();
     let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(paths.len()), |on, into| {
         // Computed once for all pairs: most are far enough apart by this alone.

@@ -4,6 +4,7 @@
 //! What bounds a radius on the third of a hundred equal passes bounds it on the second too. The
 //! first two and the last one are kept, with what leads to them and away.
 
+use crate::geometry::element::{Element, Vec2};
 use crate::span::{Run, Span};
 use std::borrow::Cow;
 
@@ -44,24 +45,33 @@ fn without_repetitions_of(runs: &[Run], is_same: impl Fn(&Run, &Run) -> bool) ->
     Cow::Owned(kept)
 }
 
-/// For each run the next one with the same start, if it is the same.
+/// For each run the next one on the same line or arc, if it is the same.
 fn next_copies(runs: &[Run], is_same: impl Fn(&Run, &Run) -> bool) -> Vec<Option<usize>> {
-    let start = |run: usize| runs[run].element.start().map(f64::to_bits);
-    let mut order: Vec<([u64; 2], usize)> =
-        (0..runs.len()).map(|run| (start(run).into(), run)).collect();
+    let mut order: Vec<([u64; 7], usize)> =
+        runs.iter().map(|run| key(&run.element)).zip(0..).collect();
     order.sort_unstable();
     let mut next = vec![None; runs.len()];
     for pair in order.windows(2) {
-        let [(at, run), (later_at, later)] = [pair[0], pair[1]];
-        next[run] = (at == later_at && is_same(&runs[run], &runs[later])).then_some(later);
+        let [(key, run), (later_key, later)] = [pair[0], pair[1]];
+        next[run] = (key == later_key && is_same(&runs[run], &runs[later])).then_some(later);
     }
     next
+}
+
+/// Equal for equal elements.
+fn key(element: &Element) -> [u64; 7] {
+    let (center, sweep) = match element {
+        Element::Line(_) => (Vec2::zeros(), 0.0),
+        Element::Arc(arc) => (arc.center, arc.sweep * arc.turn),
+    };
+    let [start, end] = [element.start(), element.end()];
+    // Zero has two signs.
+    [start.x, start.y, end.x, end.y, center.x, center.y, sweep].map(|value| (value + 0.0).to_bits())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::element::{Element, Vec2};
 
     /// Runs between the points of these letters, with a radius each, mm.
     fn runs(letters: &str) -> Vec<Run> {
@@ -95,6 +105,8 @@ mod tests {
             ("abcabcabca", "abcabcabca"),
             ("xabababababcdcdcdcdcdcy", "xababababcdcdcdcy"),
             ("abcdefgh", "abcdefgh"),
+            // Two loops from one point.
+            ("pabpcdpabpcdpabpcdpabpcdpabpcdp", "pabpcdpabpcdpabpcdp"),
             // A pass that is left out of the row ends the row.
             ("abcabcabcaqabcabcabcabca", "abcabcabcaqabcabcabca"),
         ] {

@@ -18,7 +18,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 /// How many radii of the tool a lowest box may be wide.
-const BOX_REACHES: f64 = 8.0;
+pub(crate) const BOX_REACHES: f64 = 8.0;
 
 /// The walls of a span.
 #[derive(Debug)]

@@ -1,11 +1,11 @@
 //! Boxes over elements, to find pairs that are near.
 //!
 //! A binary tree in arrays: the lowest boxes hold a few consecutive elements each, or a part of a
-//! long one; every box above holds two. The lowest boxes are sorted along a Hilbert curve, so that a box above holds what is
-//! near in the plane: the turns of a spiral are far apart along the contour. A node also knows its
-//! *chain*: consecutive elements whose directions stay within a right angle. If the joints of a
-//! chain hold, its offset is nowhere too near to the chain itself. So pairs within a chain need no
-//! check; that makes long smooth contours cheap.
+//! long one; every box above holds two. The lowest boxes are sorted along a Hilbert curve, so that
+//! a box above holds what is near in the plane: the turns of a spiral are far apart along the
+//! contour. A node also knows its *chain*: consecutive elements whose directions stay within a right
+//! angle. If the joints of a chain hold, its offset is nowhere too near to the chain itself. So
+//! pairs within a chain need no check; that makes long smooth contours cheap.
 
 use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::tolerance::LENGTH_MM;
@@ -111,7 +111,12 @@ struct Leaves {
 impl Tree {
     /// Over boxes with their chains, in order. Empty boxes are near nothing.
     pub(crate) fn new(items: impl Iterator<Item = (Bounds, u32)>) -> Self {
-        let mut leaves = Leaves { widest_mm: f64::INFINITY, ..Leaves::default() };
+        Self::of_boxes(items, f64::INFINITY)
+    }
+
+    /// The same; no lowest box holds several that are wider together than this in both directions.
+    pub(crate) fn of_boxes(items: impl Iterator<Item = (Bounds, u32)>, widest_mm: f64) -> Self {
+        let mut leaves = Leaves { widest_mm, ..Leaves::default() };
         for (index, (bounds, chain)) in items.enumerate() {
             leaves.push(index, Node { bounds, chain });
         }

@@ -32,7 +32,8 @@ impl SpanIndex {
             from = first;
         }
         let boxes = self.all[from..].iter().map(|bounds| (*bounds, NO_CHAIN));
-        self.trees.push((from, Tree::new(boxes)));
+        // The order of spans may be any, so that boxes of several of them would be everywhere.
+        self.trees.push((from, Tree::of_boxes(boxes, 0.0)));
         self.waiting = self.all.len();
     }
 
