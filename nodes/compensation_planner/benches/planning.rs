@@ -139,8 +139,11 @@ fn worst(criterion: &mut Criterion, best: &mut Best) {
     }
 }
 
+/// The name of a kind of program, and how to make one of about so many blocks.
+type Family = (&'static str, fn(usize) -> Vec<Outline>);
+
 /// Programs that come back to where they were: time grows as n log n, whatever comes near to what.
-const GROWING: [(&str, fn(usize) -> Vec<Outline>); 6] = [
+const GROWING: [Family; 6] = [
     ("passes", |count| vec![Outline::passes(count, 0.1)]),
     ("retrace", |count| vec![Outline::passes(count, 0.0)]),
     ("spiral", |count| vec![Outline::even_spiral(count, 12.0)]),
