@@ -30,5 +30,5 @@ pub use tools::tool_file;
 pub use tools::verdict::{Verdict, judge};
 pub use tools::{mdi, replan, set_tool, verdict};
 pub use walk::plan::{
-    Alone, Plan, Planning, SpanSummary, Workers, plan, plan_certified, plan_with,
+    Alone, Plan, Planning, SpanSummary, Workers, certificates, plan, plan_certified, plan_with,
 };

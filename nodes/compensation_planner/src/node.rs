@@ -17,7 +17,7 @@ mod tool_file;
 
 use crate::tools::set_tool::{self, LoadedProgram, Refusal};
 use crate::tools::verdict::{Verdict, judge};
-use crate::walk::plan::{Plan, Planning, plan_with};
+use crate::walk::plan::{Plan, Planning, certificates};
 use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::interface::Service;
 use cnc_msgs::tool_table::ToolTable;
@@ -163,8 +163,13 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
             work.borrow_and_update();
             let _work = shared.work.read().await;
             let planner = Arc::clone(&shared);
-            if let Err(error) = tokio::task::spawn_blocking(move || planner.plan()).await {
-                tracing::error!("planning failed: {error}");
+            match tokio::task::spawn_blocking(move || planner.plan()).await {
+                Ok(Some(planned)) => {
+                    let planner = Arc::clone(&shared);
+                    tokio::task::spawn_blocking(move || planner.certify(planned));
+                }
+                Ok(None) => {}
+                Err(error) => tracing::error!("planning failed: {error}"),
             }
         }
     });
@@ -186,6 +191,8 @@ struct Planner {
     path: Publisher<wire::CompensatedPath>,
     path_topic: ChunkTopic<wire::PathChunk>,
     report: Publisher<wire::CompensationReport>,
+    /// The revision of the newest report that was published.
+    reported: Mutex<u64>,
     preview: Publisher<nav_msgs::msg::Path>,
     markers: Publisher<visualization_msgs::msg::MarkerArray>,
     /// Held while the table is being changed, so that changes come one after another.
@@ -210,6 +217,13 @@ struct PlannerState {
     live: Live,
     /// How long planning waits, until the path before it has been published.
     pause: Option<Duration>,
+}
+
+/// A plan that was reported without its certificates.
+struct Uncertified {
+    input: Input,
+    tools: ToolTable,
+    report: wire::CompensationReport,
 }
 
 /// The plan that is published.
@@ -254,6 +268,7 @@ impl Planner {
             path: node.publisher("compensated_path", Qos::LATCHED)?,
             path_topic: ChunkTopic::new(node, "compensated_path/chunks")?,
             report: node.publisher("compensation_report", Qos::LATCHED)?,
+            reported: Mutex::default(),
             preview: node.publisher("compensated_path/preview", Qos::LATCHED)?,
             markers: node.publisher("markers", Qos::LATCHED)?,
             tool_file: Mutex::default(),
@@ -345,19 +360,19 @@ impl Planner {
         Ok((message, revision))
     }
 
-    /// Plans the current contour and publishes the result.
-    fn plan(&self) {
+    /// Plans the current contour and publishes the result, but for its certificates.
+    fn plan(&self) -> Option<Uncertified> {
         let (input, tools, tools_revision, revision) = {
             let mut state = self.state();
             // A contour that arrives meanwhile is planned when the node is active.
             let is_wanted = state.is_due && self.node.require_active().is_ok();
-            let Some(input) = state.input.clone().filter(|_| is_wanted) else { return };
+            let input = state.input.clone().filter(|_| is_wanted)?;
             state.is_due = false;
             state.revision += 1;
             (input, state.tools.clone(), state.tools_revision, state.revision)
         };
         let threads = Threads::all();
-        let mut planning = Planning { certifies: false, workers: &threads };
+        let planning = Planning { certifies: false, workers: &threads };
         let judged = match &input.too_long {
             Some(limit) => Verdict::refused(limit.clone()),
             None => judge(&input.contour, &input.profile, &tools, planning),
@@ -368,7 +383,7 @@ impl Planner {
         }
         let stamp = self.node.now();
         let accepted = planned.accepted();
-        let mut report = self.report(&input, (revision, tools_revision), stamp, &planned);
+        let report = self.report(&input, (revision, tools_revision), stamp, &planned);
         tracing::info!(
             "{} is {}: {} elements, {} errors, {} warnings",
             input.manifest.name,
@@ -399,11 +414,32 @@ impl Planner {
         } else {
             self.state().current = Some(current);
         }
-        // Nobody waits for certificates, which take longer than the path.
-        planning.certifies = true;
-        let certified = plan_with(&input.contour, &input.profile, &tools, planning).certificates;
-        certify(&mut report, &certified);
-        self.report.publish(report);
+        self.publish_report(report.clone());
+        Some(Uncertified { input, tools, report })
+    }
+
+    /// Finds the valid radii, and publishes the report again with them. A newer program, another
+    /// tool and a deactivation end that.
+    fn certify(&self, Uncertified { input, tools, mut report }: Uncertified) {
+        let is_newest = || {
+            let state = self.state();
+            state.revision == report.revision && !state.is_due
+        };
+        let goes_on = || is_newest() && self.node.require_active().is_ok();
+        let found = certificates(&input.contour, &input.profile, &tools, &Threads::all(), &goes_on);
+        if goes_on() && !found.is_empty() {
+            certify(&mut report, &found);
+            self.publish_report(report);
+        }
+    }
+
+    /// Publishes a report unless a newer plan was reported meanwhile.
+    fn publish_report(&self, report: wire::CompensationReport) {
+        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
+        if report.revision >= *reported {
+            *reported = report.revision;
+            self.report.publish(report);
+        }
     }
 
     fn header(&self, input: &Input, stamp: RosTime) -> Header {

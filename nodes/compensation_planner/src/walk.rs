@@ -20,10 +20,11 @@ mod span_writer;
 mod spans;
 mod tool_tip;
 
+use crate::check::certificate::Certificate;
 use crate::check::lead::PreviousWall;
 use crate::span::{Item, ItemKind, Span};
 use crate::walk::compensate::{Exit, SpanReport};
-use crate::walk::plan::{Plan, Planning};
+use crate::walk::plan::{Plan, Workers};
 use actions::Lengths;
 use cnc_msgs::contour::{
     Approach, ContourEventKind, CutterSide, OutsideCorner, ProgrammedContour, RadiusSource, Source,
@@ -112,14 +113,14 @@ impl<'a> Walk<'a> {
         contour: &'a ProgrammedContour,
         profile: &'a Profile,
         tools: &'a ToolTable,
-        planning: Planning<'a>,
+        workers: &'a dyn Workers,
+        goes_on: Option<&'a (dyn Fn() -> bool + Sync)>,
     ) -> Self {
-        let certificates = planning.certifies.then(Vec::new);
         Self {
             profile,
             tools,
-            out: Output::new(contour, profile, planning),
-            report: SpanReport { certificates, ..SpanReport::default() },
+            out: Output::new(contour, profile, workers, goes_on),
+            report: SpanReport::default(),
             plane: Plane::default(),
             corner: profile.corner.default,
             radius: None,
@@ -171,8 +172,34 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Ends the program.
+    /// Ends the program: its path and what was found.
     pub(crate) fn finish(mut self) -> Plan {
+        self.end();
+        let (path, spans) = self.out.finish(&mut self.report);
+        self.report.findings.sort_by_key(|finding| finding.source.line);
+        let is_refused = self.report.findings.iter().any(Finding::is_error);
+        let mut plan = Plan {
+            findings: self.report.findings,
+            spans,
+            uncut: self.report.uncut,
+            ..Plan::default()
+        };
+        if is_refused {
+            plan.refused = path.elements;
+        } else {
+            plan.path = path;
+        }
+        plan
+    }
+
+    /// The same where only certificates are wanted.
+    pub(crate) fn finish_certificates(mut self) -> Vec<Certificate> {
+        self.end();
+        self.out.finish_certificates(&mut self.report)
+    }
+
+    /// Ends a span that the program does not end.
+    fn end(&mut self) {
         match std::mem::replace(&mut self.state, WalkState::Off) {
             WalkState::Off => {}
             WalkState::Selected(selection) => self.never_active(selection.source),
@@ -189,22 +216,6 @@ impl<'a> Walk<'a> {
                 self.close(*active, Exit::None);
             }
         }
-        let (path, spans) = self.out.finish(&mut self.report);
-        self.report.findings.sort_by_key(|finding| finding.source.line);
-        let is_refused = self.report.findings.iter().any(Finding::is_error);
-        let mut plan = Plan {
-            findings: self.report.findings,
-            spans,
-            certificates: self.report.certificates.unwrap_or_default(),
-            uncut: self.report.uncut,
-            ..Plan::default()
-        };
-        if is_refused {
-            plan.refused = path.elements;
-        } else {
-            plan.path = path;
-        }
-        plan
     }
 
     fn select_plane(&mut self, plane: Plane, source: Source) {

@@ -79,6 +79,7 @@ pub(crate) struct Subject<'a> {
     runs: Cow<'a, [Run]>,
     lead_off: Option<&'a Lead>,
     profile: &'a Profile,
+    goes_on: &'a dyn Fn() -> bool,
 }
 
 /// The end of the interval lies between two radii, mm; the larger one fails.
@@ -93,6 +94,8 @@ struct Bracket {
 enum Failure {
     Consumed(Unreachable),
     Cut(Cut),
+    /// Not everything could be checked.
+    Unknown,
 }
 
 impl<'a> Subject<'a> {
@@ -101,19 +104,22 @@ impl<'a> Subject<'a> {
         runs: &'a [Run],
         lead_off: Option<&'a Lead>,
         profile: &'a Profile,
+        goes_on: &'a dyn Fn() -> bool,
     ) -> Self {
-        Self { span, all: runs, runs: without_repetitions(span, runs), lead_off, profile }
+        let tried = without_repetitions(span, runs);
+        Self { span, all: runs, runs: tried, lead_off, profile, goes_on }
     }
 
-    pub(crate) fn certificate(&self) -> Certificate {
+    /// `None` when it was interrupted.
+    pub(crate) fn certificate(&self) -> Option<Certificate> {
         let planned = self.span.d_mm.abs();
-        let at_planned = self.failures(planned);
+        let at_planned = self.failures(planned)?;
         let bracket = match at_planned.is_empty() {
-            true => self.bracket_above(planned),
+            true => self.bracket_above(planned)?,
             false => Some(Bracket { valid: 0.0, failing: planned, failures: at_planned }),
         };
         let (valid_to_mm, failures) = match bracket {
-            Some(bracket) => self.end_within(bracket),
+            Some(bracket) => self.end_within(bracket)?,
             None => (f64::INFINITY, Vec::new()),
         };
         let mut limited_by: Vec<CertificateLimit> =
@@ -121,7 +127,7 @@ impl<'a> Subject<'a> {
         limited_by.sort_by_key(|limit| limit.source.line);
         limited_by.dedup_by_key(|limit| limit.source.line);
         let (first, last) = (&self.span.legs[0], &self.span.legs[self.span.legs.len() - 1]);
-        Certificate {
+        Some(Certificate {
             first_line: first.source.line,
             last_line: last.source.line,
             side: if self.span.d_mm < 0.0 { CutterSide::Right } else { CutterSide::Left },
@@ -129,8 +135,8 @@ impl<'a> Subject<'a> {
             valid_from_mm: 0.0,
             valid_to_mm,
             limited_by,
-            leads_valid_to_mm: self.leads_valid_to(valid_to_mm),
-        }
+            leads_valid_to_mm: self.leads_valid_to(valid_to_mm)?,
+        })
     }
 
     fn joined(&self, runs: &[Run], radius_mm: f64) -> (Vec<ChainLink>, Vec<Placed>) {
@@ -145,8 +151,12 @@ impl<'a> Subject<'a> {
         Corners { span: self.span, short_mm: self.profile.corner.short_block_mm }
     }
 
-    fn failures(&self, radius_mm: f64) -> Vec<Failure> {
+    /// What fails at a radius; `None` when the search is to end.
+    fn failures(&self, radius_mm: f64) -> Option<Vec<Failure>> {
         const FAILURES_MAX: usize = 32;
+        if !(self.goes_on)() {
+            return None;
+        }
         let (links, placed) = self.joined(&self.runs, radius_mm);
         let gaps = consumed(&links, &placed).take(FAILURES_MAX);
         let mut failures: Vec<Failure> = gaps.map(Failure::Consumed).collect();
@@ -158,8 +168,11 @@ impl<'a> Subject<'a> {
             let within = cuts.cuts.into_iter().filter(|cut| !cut.is_other_pass);
             let within = within.filter(|cut| !self.is_bend(cut));
             failures.extend(within.take(FAILURES_MAX).map(Failure::Cut));
+            if failures.is_empty() && !cuts.is_complete {
+                failures.push(Failure::Unknown);
+            }
         }
-        failures
+        Some(failures)
     }
 
     /// Whether one wall continues the other with a bend that is noise: only a huge tool would cut
@@ -174,8 +187,8 @@ impl<'a> Subject<'a> {
         cosine > 0.0 && turn < BEND_RAD && cut.radius_mm - cut.distance_mm < GOUGE_MM
     }
 
-    /// Tries larger radii until one fails; `None` when none does.
-    fn bracket_above(&self, planned: f64) -> Option<Bracket> {
+    /// Tries larger radii until one fails: `Some(None)` when none does.
+    fn bracket_above(&self, planned: f64) -> Option<Option<Bracket>> {
         let guess = self.vanishing_guess();
         // Joining allows for rounding, so a run may vanish a little late.
         let mut radii = vec![guess + EXACT_MM / 2.0, guess * (1.0 + 1e-3)];
@@ -188,13 +201,13 @@ impl<'a> Subject<'a> {
             if radius <= valid + EXACT_MM {
                 continue;
             }
-            let failures = self.failures(radius);
+            let failures = self.failures(radius)?;
             if !failures.is_empty() {
-                return Some(Bracket { valid, failing: radius, failures });
+                return Some(Some(Bracket { valid, failing: radius, failures }));
             }
             valid = radius;
         }
-        None
+        Some(None)
     }
 
     /// The smallest radius at which a run between its neighbours vanishes, roughly, mm: exact for
@@ -223,7 +236,7 @@ impl<'a> Subject<'a> {
     }
 
     /// The end of the interval, between a valid and a failing radius, and what fails there.
-    fn end_within(&self, bracket: Bracket) -> (f64, Vec<Failure>) {
+    fn end_within(&self, bracket: Bracket) -> Option<(f64, Vec<Failure>)> {
         let Bracket { mut valid, mut failing, mut failures } = bracket;
         let (most, elements) = TRIALS;
         let (mut has_estimate, mut creeps) = (true, false);
@@ -238,6 +251,7 @@ impl<'a> Subject<'a> {
                 .map(|failure| match failure {
                     Failure::Consumed(place) => place.radius_mm_max,
                     Failure::Cut(cut) => failing - (cut.radius_mm - cut.distance_mm) / 2.0,
+                    Failure::Unknown => f64::INFINITY,
                 })
                 .fold(f64::INFINITY, f64::min);
             // A little beyond the estimate, to close the interval from above.
@@ -247,7 +261,7 @@ impl<'a> Subject<'a> {
                 true => beyond,
                 false => (failing - step).max(f64::midpoint(valid, failing)),
             };
-            let found = self.failures(trial);
+            let found = self.failures(trial)?;
             if found.is_empty() {
                 (valid, step) = (trial, if is_estimate { step } else { f64::INFINITY });
                 has_estimate = false;
@@ -262,16 +276,16 @@ impl<'a> Subject<'a> {
             }
             (failing, failures) = (trial, found);
         }
-        if failing - valid > CLOSED_MM {
-            return (valid, failures);
+        if failing - valid > CLOSED_MM || matches!(failures[..], [Failure::Unknown]) {
+            return Some((valid, failures));
         }
         // Joining allows for rounding, so a run seems to vanish a little late.
-        let failures = self.failures(failing + 4.0 * LENGTH_MM);
+        let failures = self.failures(failing + 4.0 * LENGTH_MM)?;
         let end = match failures.first() {
             Some(Failure::Consumed(place)) => self.vanishing(place, failing),
             _ => f64::midpoint(valid, failing),
         };
-        (end, failures)
+        Some((end, failures))
     }
 
     /// The radius at which exactly nothing is left of a run.
@@ -309,28 +323,32 @@ impl<'a> Subject<'a> {
                 vec![limit(place.longest, self.runs[place.longest].element.start())]
             }
             Failure::Cut(cut) => vec![limit(cut.on, cut.foot), limit(cut.into, cut.on_wall)],
+            Failure::Unknown => Vec::new(),
         }
     }
 
-    fn leads_valid_to(&self, limit_mm: f64) -> f64 {
+    fn leads_valid_to(&self, limit_mm: f64) -> Option<f64> {
         let planned = self.span.d_mm.abs();
         let (links, placed) = self.joined(self.all, planned);
         let walls = Walls::new(self.all, &links, &placed);
-        let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM);
+        let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM)?;
         // If a contour closes with the noise of its coordinates, leads cut a little into it.
         if exact < planned && self.leads_are_free(&walls, planned.min(limit_mm), GOUGE_MM) {
             return self.leads_free_to(&walls, limit_mm, GOUGE_MM);
         }
-        exact
+        Some(exact)
     }
 
-    fn leads_free_to(&self, walls: &Walls<'_>, limit_mm: f64, touch_mm: f64) -> f64 {
+    fn leads_free_to(&self, walls: &Walls<'_>, limit_mm: f64, touch_mm: f64) -> Option<f64> {
         let mut high = limit_mm.min(RADIUS_MM_MAX);
         if self.leads_are_free(walls, high, touch_mm) {
-            return limit_mm;
+            return Some(limit_mm);
         }
         let mut low = 0.0;
         while high - low > EXACT_MM {
+            if !(self.goes_on)() {
+                return None;
+            }
             let middle = f64::midpoint(low, high);
             if self.leads_are_free(walls, middle, touch_mm) {
                 low = middle;
@@ -338,7 +356,7 @@ impl<'a> Subject<'a> {
                 high = middle;
             }
         }
-        low
+        Some(low)
     }
 
     /// Whether the straight moves to and from the contour keep clear of its walls.

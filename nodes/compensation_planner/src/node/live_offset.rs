@@ -118,7 +118,7 @@ impl Planner {
         self.state().live.newest = Some(offered.clone());
         let numbers = (tools_revision, running.revision, settled);
         self.publish_path(&offered, numbers, stamp, &mut current);
-        self.report.publish(report);
+        self.publish_report(report);
         let chunks = (offered.path.elements.len() / 300 + 2) as u32;
         self.state().pause = Some(CHUNK * chunks);
         let end = Instant::now() + TAKEN_WITHIN;

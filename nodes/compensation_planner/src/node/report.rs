@@ -40,7 +40,7 @@ pub fn report_of(planned: &Plan, chord_error_mm: f64) -> wire::CompensationRepor
     }
 }
 
-/// Puts the first certificates into a report.
+/// Puts the first certificates into a report, which is published without them before.
 pub fn certify(report: &mut wire::CompensationReport, certificates: &[Certificate]) {
     report.certificate_count = certificates.len() as u32;
     report.certificates =

@@ -54,8 +54,6 @@ impl Exit {
 #[derive(Debug, Default)]
 pub(crate) struct SpanReport {
     pub findings: Vec<Finding>,
-    /// Collects certificates, if they are wanted.
-    pub certificates: Option<Vec<Certificate>>,
     pub uncut: Vec<UncutRegion>,
 }
 
@@ -63,9 +61,6 @@ impl SpanReport {
     /// Adds the report of a later span.
     fn extend(&mut self, later: Self) {
         self.findings.extend(later.findings);
-        if let Some(certificates) = &mut self.certificates {
-            certificates.extend(later.certificates.into_iter().flatten());
-        }
         self.uncut.extend(later.uncut);
     }
 }
@@ -83,23 +78,29 @@ pub(crate) struct Solution {
     leads: [Option<(f64, lead::LeadPath)>; 2],
 }
 
-/// Finds the tool path along a span.
-pub(crate) fn solve(
+/// Finds the radii that a span is good for; `None` without an offset, and when `goes_on` says no.
+pub(crate) fn certify(
     span: &mut Span<'_>,
     exit: &Exit,
     profile: &Profile,
-    certifies: bool,
-) -> Solution {
-    let mut report = SpanReport { certificates: certifies.then(Vec::new), ..SpanReport::default() };
-    let SpanReport { findings, certificates, uncut } = &mut report;
+    goes_on: &dyn Fn() -> bool,
+) -> Option<Certificate> {
+    if is_zero(span.d_mm) {
+        return None;
+    }
+    let runs = runs(span, MERGE_MM);
+    let lead_off = exit.lead().filter(|_| matches!(exit, Exit::LeadOff(_)));
+    Subject::new(span, &runs, lead_off, profile, goes_on).certificate()
+}
+
+/// Finds the tool path along a span.
+pub(crate) fn solve(span: &mut Span<'_>, exit: &Exit, profile: &Profile) -> Solution {
+    let mut report = SpanReport::default();
+    let SpanReport { findings, uncut } = &mut report;
     let is_identity = is_zero(span.d_mm) && span.legs.iter().all(|leg| is_zero(leg.d_out_mm));
     let tolerance = profile.accept_tolerance_mm;
     let mut straight_mm = MERGE_MM;
     let mut chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
-    if let Some(certificates) = certificates.as_mut().filter(|_| !is_zero(span.d_mm)) {
-        let lead_off = exit.lead().filter(|_| matches!(exit, Exit::LeadOff(_)));
-        certificates.push(Subject::new(span, &chain.runs, lead_off, profile).certificate());
-    }
     if is_any_unreachable(&chain.links, &chain.placed, tolerance) {
         // Rounded coordinates bend short chords so much that the tool loses them, and break
         // straight walls. Straightened within the accepted tolerance, the contour shows what is

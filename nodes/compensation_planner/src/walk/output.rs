@@ -4,12 +4,13 @@
 //! them, until there are enough to solve together. How many that is depends on the program alone,
 //! and so does the result.
 
+use crate::check::certificate::Certificate;
 use crate::check::lead::PreviousWall;
 use crate::span::{ItemKind, Span};
-use crate::walk::compensate::{Exit, Solution, SpanReport, empty_span, solve};
+use crate::walk::compensate::{Exit, Solution, SpanReport, certify, empty_span, solve};
 use crate::walk::emitter::Emitter;
 use crate::walk::other_spans::EarlierSpans;
-use crate::walk::plan::{Planning, SpanSummary};
+use crate::walk::plan::{SpanSummary, Workers};
 use cnc_msgs::contour::{Action, CutterSide, Motion, ProgrammedContour, Source};
 use cnc_msgs::finding::Finding;
 use cnc_msgs::path::{CompensatedPath, Role};
@@ -21,7 +22,9 @@ const WAITING_MAX: usize = 65_536;
 
 pub(super) struct Output<'a> {
     profile: &'a Profile,
-    planning: Planning<'a>,
+    workers: &'a dyn Workers,
+    /// Set where only certificates are wanted; then no path is written.
+    certificates: Option<Certificates<'a>>,
     emitter: Emitter,
     spans: Vec<SpanSummary>,
     earlier: EarlierSpans<'a>,
@@ -29,6 +32,13 @@ pub(super) struct Output<'a> {
     waiting: Vec<Order<'a>>,
     /// The number of orders, and of the blocks of spans among them.
     weight: usize,
+}
+
+/// The certificates of the spans so far.
+pub(super) struct Certificates<'a> {
+    found: Vec<Certificate>,
+    /// Asked before each trial; once it says no, no more certificates are found.
+    goes_on: &'a (dyn Fn() -> bool + Sync),
 }
 
 /// Something to write.
@@ -52,13 +62,17 @@ impl<'a> Output<'a> {
     pub(super) fn new(
         contour: &ProgrammedContour,
         profile: &'a Profile,
-        planning: Planning<'a>,
+        workers: &'a dyn Workers,
+        goes_on: Option<&'a (dyn Fn() -> bool + Sync)>,
     ) -> Self {
         let mut emitter = Emitter::new(contour.start, contour.assumed_axes);
-        emitter.path.elements.reserve(contour.events.len() + contour.events.len() / 2);
+        if goes_on.is_none() {
+            emitter.path.elements.reserve(contour.events.len() + contour.events.len() / 2);
+        }
         Self {
             profile,
-            planning,
+            workers,
+            certificates: goes_on.map(|goes_on| Certificates { found: Vec::new(), goes_on }),
             emitter,
             spans: Vec::new(),
             earlier: EarlierSpans::new(),
@@ -90,7 +104,7 @@ impl<'a> Output<'a> {
         report: &mut SpanReport,
     ) -> Option<PreviousWall> {
         let said = std::mem::take(&mut report.findings);
-        let waits = matches!(exit, Exit::LeadOff(_));
+        let waits = matches!(exit, Exit::LeadOff(_)) || self.certificates.is_some();
         self.weight += span.legs.len();
         self.waiting.push(Order::Span(Box::new(Job { span, exit, previous_wall, said })));
         if waits && self.weight < WAITING_MAX {
@@ -105,6 +119,12 @@ impl<'a> Output<'a> {
         (self.emitter.path, self.spans)
     }
 
+    /// The certificates of all spans, as far as they were found.
+    pub(super) fn finish_certificates(mut self, report: &mut SpanReport) -> Vec<Certificate> {
+        self.put_out_waiting(report);
+        self.certificates.map_or_else(Vec::new, |certificates| certificates.found)
+    }
+
     /// Writes what waits, if it is enough.
     pub(super) fn put_out_much(&mut self, report: &mut SpanReport) {
         if self.weight >= WAITING_MAX {
@@ -113,6 +133,9 @@ impl<'a> Output<'a> {
     }
 
     fn order(&mut self, order: Order<'a>) {
+        if self.certificates.is_some() {
+            return;
+        }
         if self.waiting.is_empty() {
             self.put_out(order);
             return;
@@ -125,7 +148,14 @@ impl<'a> Output<'a> {
     fn put_out_waiting(&mut self, report: &mut SpanReport) -> Option<PreviousWall> {
         self.weight = 0;
         let mut orders = std::mem::take(&mut self.waiting);
-        let mut solutions = self.solutions(&mut orders).into_iter();
+        let (profile, workers) = (self.profile, self.workers);
+        if let Some(Certificates { found, goes_on }) = &mut self.certificates {
+            let certify = |job: &mut Job<'_>| certify(&mut job.span, &job.exit, profile, *goes_on);
+            found.extend(of_spans(workers, &mut orders, certify).into_iter().flatten().flatten());
+            return None;
+        }
+        let solve = |job: &mut Job<'_>| solve(&mut job.span, &job.exit, profile);
+        let mut solutions = of_spans(workers, &mut orders, solve).into_iter();
         // Findings since the last span was complete come after the findings of that span.
         let said = std::mem::take(&mut report.findings);
         let mut last_wall = None;
@@ -140,27 +170,6 @@ impl<'a> Output<'a> {
         }
         report.findings.extend(said);
         last_wall
-    }
-
-    /// The tool paths of all spans among these orders; `None` for a span without a contour.
-    fn solutions(&self, orders: &mut [Order<'_>]) -> Vec<Option<Solution>> {
-        type Slot<'a, 'b> = Mutex<(&'a mut Job<'b>, Option<Solution>)>;
-        let jobs = orders.iter_mut().filter_map(|order| match order {
-            Order::Span(job) => Some(job.as_mut()),
-            _ => None,
-        });
-        let slots: Vec<Slot<'_, '_>> = jobs.map(|job| Mutex::new((job, None))).collect();
-        let (profile, certifies) = (self.profile, self.planning.certifies);
-        self.planning.workers.run(slots.len(), &|index| {
-            let mut slot = slots[index].lock().unwrap_or_else(PoisonError::into_inner);
-            let (job, solution) = &mut *slot;
-            if !job.span.legs.is_empty() {
-                *solution = Some(solve(&mut job.span, &job.exit, profile, certifies));
-            }
-        });
-        let solution =
-            |slot: Slot<'_, '_>| slot.into_inner().unwrap_or_else(PoisonError::into_inner).1;
-        slots.into_iter().map(solution).collect()
     }
 
     /// Writes an order that is no span.
@@ -231,4 +240,26 @@ impl<'a> Output<'a> {
             out.programmed(&lead.motion, lead.source, Role::LeadOff);
         }
     }
+}
+
+/// What `work` makes of each span among these orders; `None` for a span without a contour.
+fn of_spans<'a, T: Send>(
+    workers: &dyn Workers,
+    orders: &mut [Order<'a>],
+    work: impl Fn(&mut Job<'a>) -> T + Sync,
+) -> Vec<Option<T>> {
+    let jobs = orders.iter_mut().filter_map(|order| match order {
+        Order::Span(job) => Some(job.as_mut()),
+        _ => None,
+    });
+    let slots: Vec<_> = jobs.map(|job| Mutex::new((job, None))).collect();
+    workers.run(slots.len(), &|index| {
+        let mut slot = slots[index].lock().unwrap_or_else(PoisonError::into_inner);
+        let (job, result) = &mut *slot;
+        if !job.span.legs.is_empty() {
+            *result = Some(work(job));
+        }
+    });
+    let result = |slot: Mutex<(_, _)>| slot.into_inner().unwrap_or_else(PoisonError::into_inner).1;
+    slots.into_iter().map(result).collect()
 }

@@ -57,7 +57,7 @@ pub fn plan(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -
     plan_with(contour, profile, tools, Planning::default())
 }
 
-/// [`plan`], and the valid radii of each span: some ten times the work.
+/// [`plan`] and [`certificates`].
 pub fn plan_certified(contour: &ProgrammedContour, profile: &Profile, tools: &ToolTable) -> Plan {
     plan_with(contour, profile, tools, Planning { certifies: true, ..Planning::default() })
 }
@@ -100,9 +100,29 @@ pub fn plan_with(
     tools: &ToolTable,
     planning: Planning<'_>,
 ) -> Plan {
-    let mut walk = Walk::new(contour, profile, tools, planning);
+    let mut walk = Walk::new(contour, profile, tools, planning.workers, None);
     for event in &contour.events {
         walk.event(&event.kind, event.source);
     }
-    walk.finish()
+    let mut plan = walk.finish();
+    if planning.certifies {
+        plan.certificates = certificates(contour, profile, tools, planning.workers, &|| true);
+    }
+    plan
+}
+
+/// The valid radii of each span, in order; no path is made. Once `goes_on` says no, what is left of
+/// the work is skipped, and the result is good for nothing.
+pub fn certificates(
+    contour: &ProgrammedContour,
+    profile: &Profile,
+    tools: &ToolTable,
+    workers: &dyn Workers,
+    goes_on: &(dyn Fn() -> bool + Sync),
+) -> Vec<Certificate> {
+    let mut walk = Walk::new(contour, profile, tools, workers, Some(goes_on));
+    for event in &contour.events {
+        walk.event(&event.kind, event.source);
+    }
+    walk.finish_certificates()
 }

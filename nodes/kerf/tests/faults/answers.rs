@@ -121,7 +121,9 @@ fn damage_from_the_controller_ends_the_run_in_a_hold() {
 
 #[test]
 fn damage_on_the_way_to_the_controller_ends_the_run_in_a_hold_where_it_is_refused() {
-    let cell = Cell::new(&Plan::default());
+    // Where a pass ends, two lines that become one are a line that the controller takes: far away.
+    let program = Serpentine { steps: 300, ..Serpentine::SHORT_LINES };
+    let cell = Cell::new(&Plan { program, ..Plan::default() });
     for trouble in [Trouble::LoseLineEnd, Trouble::LoseLetter] {
         let message = stops_for_good(&cell, trouble, REFUSED, "error:");
         cell.names_its_block(&message);
