@@ -3,7 +3,8 @@
 mod support;
 
 use cnc_msgs::profile::Profile;
-use compensation_planner::{Certificate, plan_certified};
+use compensation_planner::{Alone, Certificate, certificates, plan_certified};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use support::*;
 
 fn certificate(text: &str, profile: &Profile, radius: f64) -> Certificate {
@@ -100,4 +101,23 @@ fn the_noise_of_the_point_where_a_contour_closes_limits_nothing() {
     let certificate = certificate(text, &sinumerik(), 5.0);
     assert!(certificate.valid_to_mm > 1000.0, "{certificate:?}");
     assert!(certificate.leads_valid_to_mm > 20.0, "{certificate:?}");
+}
+
+#[test]
+fn an_interruption_ends_the_search() {
+    let two = A6.replace("M30", "") + A6;
+    let contour = contour(&two, &sinumerik());
+    let asked = AtomicUsize::new(0);
+    let found_within = |most: usize| {
+        asked.store(0, Ordering::Relaxed);
+        let goes_on = || asked.fetch_add(1, Ordering::Relaxed) < most;
+        certificates(&contour, &sinumerik(), &tool(5.0), &Alone, &goes_on).len()
+    };
+    assert_eq!(found_within(usize::MAX), 2);
+    let trials = asked.load(Ordering::Relaxed);
+    // Each span asks once more.
+    for (most, spans) in [(0, 0), (trials / 2 - 1, 0), (trials / 2, 1), (trials - 1, 1)] {
+        assert_eq!(found_within(most), spans, "{most} of {trials}");
+        assert!(asked.load(Ordering::Relaxed) <= most + 2, "{most} of {trials}");
+    }
 }

@@ -243,6 +243,10 @@ impl<'a> Subject<'a> {
         // How far below the failing radius the next trial is; half of the interval at most.
         let mut step = EXACT_MM;
         for _ in 0..(elements / self.runs.len().max(1)).clamp(30, most) {
+            if matches!(failures[..], [Failure::Unknown]) {
+                // So near to itself that every trial would take as long.
+                return Some((valid, Vec::new()));
+            }
             if failing - valid <= CLOSED_MM {
                 break;
             }
@@ -276,7 +280,7 @@ impl<'a> Subject<'a> {
             }
             (failing, failures) = (trial, found);
         }
-        if failing - valid > CLOSED_MM || matches!(failures[..], [Failure::Unknown]) {
+        if failing - valid > CLOSED_MM {
             return Some((valid, failures));
         }
         // Joining allows for rounding, so a run seems to vanish a little late.
