@@ -57,8 +57,33 @@ struct ToolMove {
     slack: f64,
 }
 
-/// The most cuts kept; a span that is cut everywhere needs no more.
+/// The most cuts kept of each kind; a span that is cut everywhere needs no more.
 const CUTS_MAX: usize = 100_000;
+
+/// Cuts with the place that each is made from. Those into another pass may be warnings: however
+/// many there are, they hide no error.
+#[derive(Debug, Default)]
+struct FoundCuts {
+    cuts: Vec<(usize, Cut)>,
+    /// Cuts into the same pass that count.
+    plain: usize,
+    others: usize,
+}
+
+impl FoundCuts {
+    /// Keeps a cut unless there are many of its kind; breaks when no more are needed.
+    fn push(&mut self, place: usize, cut: Cut) -> ControlFlow<()> {
+        let is_plain = cut.kind() == (false, false);
+        let kept = if is_plain { &mut self.plain } else { &mut self.others };
+        if *kept < CUTS_MAX {
+            *kept += 1;
+            self.cuts.push((place, cut));
+        } else if is_plain {
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    }
+}
 
 /// The joined path of the tool along a span.
 #[derive(Debug, Clone, Copy)]
@@ -99,7 +124,7 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     let reach = reach.fold(0.0, f64::max);
     let elements = paths.iter().map(|path| (element(path), path.chain));
     let tree = Tree::of_elements(elements, walls.tree().widest_mm.max(BOX_REACHES * reach));
-    let mut found: Vec<(usize, Cut)> = Vec::new();
+    let mut found = FoundCuts::default();
     let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(paths.len()), |on, into| {
         // Computed once for all pairs: most are far enough apart by this alone.
         let mut wall_boxes = [Bounds::EMPTY; LEAF];
@@ -113,13 +138,13 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
             for (run, wall_box) in into.clone().zip(&wall_boxes) {
                 let gap_squared = path_box.gap_squared(wall_box);
                 if let Some(cut) = cut(walls, &paths[index], &path, gap_squared, link, run) {
-                    found.push((paths[index].place, cut));
+                    found.push(paths[index].place, cut)?;
                 }
             }
         }
-        if found.len() < CUTS_MAX { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        ControlFlow::Continue(())
     });
-    (found, is_complete)
+    (found.cuts, is_complete)
 }
 
 impl ToolMove {
@@ -364,4 +389,33 @@ pub(crate) fn beyond(link: &ChainLink, place: &Placed, at_end: bool) -> Option<E
         false => (place.trim_in, place.start, whole.start()),
     };
     if trim >= 0.0 { None } else { Element::arc(from, to, arc.center, arc.turn > 0.0, 0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_number_of_cuts_into_other_passes_hides_one_into_the_same() {
+        let cut = |is_other_pass| Cut {
+            on: 0,
+            into: 1,
+            foot: Vec2::zeros(),
+            on_wall: Vec2::zeros(),
+            radius_mm: 1.0,
+            distance_mm: 0.5,
+            is_other_pass,
+            is_forgiven: false,
+        };
+        let mut found = FoundCuts::default();
+        for place in 0..CUTS_MAX + 5 {
+            assert!(found.push(place, cut(true)).is_continue());
+        }
+        for place in 0..CUTS_MAX {
+            assert!(found.push(place, cut(false)).is_continue());
+        }
+        assert!(found.push(0, cut(false)).is_break());
+        let plain = found.cuts.iter().filter(|(_, cut)| !cut.is_other_pass).count();
+        assert_eq!((found.cuts.len(), plain), (2 * CUTS_MAX, CUTS_MAX));
+    }
 }
