@@ -115,12 +115,12 @@ pub enum Code {
     ArcOver360,
     /// The tool does not fit where the program wants it: into a slot, a fillet or an inside corner.
     ///
-    /// Use a tool of at most the radius that the help line names. If none fits, check G41 against
-    /// G42.
+    /// Use a tool of at most the radius that the help line names. If it names none, check whether
+    /// the side is right: G41 or G42.
     Unreachable,
     /// The tool comes nearer than its radius to a wall of the same pass, and cuts into the part.
     ///
-    /// Use a smaller tool, or change the contour.
+    /// Use a smaller tool, or begin and end the contour where it does not bend back.
     Gouge,
     /// The tool cuts into a wall that another pass of the same contour leaves.
     ///
@@ -141,7 +141,8 @@ pub enum Code {
     LeadNick,
     /// The move from one contour to the next cuts into one of them.
     ///
-    /// Cancel with G40 between the contours, or retract before the move.
+    /// Lead from the side of the tool, at a right angle to the contour, or cancel with G40 between
+    /// the contours.
     LinkGouge,
     /// The lead meets the contour in an inside corner, and a part of the first or last blocks stays
     /// uncut.
@@ -152,8 +153,8 @@ pub enum Code {
     ///
     /// Cancel with G40 and a lead-off, then select again with a lead-on.
     SideChange,
-    /// A run cannot start at this line, because the control does not start inside a compensated
-    /// contour.
+    /// A run cannot start at this line: it is after the last block, or inside a compensated contour,
+    /// where the control does not start.
     ///
     /// Start at the line that the help line names, or before it.
     Restart,
@@ -164,11 +165,12 @@ pub enum Code {
     SuspiciousValue,
     /// The audit found a path that is not what its program asks for.
     ///
-    /// Do not run the path. Report it with the program, the tool table and the control.
+    /// Do not run the path. Send the file that `internal_error` names.
     PathMismatch,
     /// The planner and the audit of its path disagree: a defect of Kerf.
     ///
-    /// Send the file that the help line names to the developers. It holds all inputs.
+    /// Send the file that the help line names to the developers of Kerf. It is in the folder
+    /// `kerf-reports`, and holds the program, the tools and the control.
     InternalError,
 }
 

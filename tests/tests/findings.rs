@@ -78,7 +78,7 @@ fn the_page_explains_every_code() {
          `error[gouge]`.\nAn error refuses the program. A warning refuses nothing. The profile of \
          the control decides which\nof them some codes are: [profiles.md](profiles.md). \
          [rules.md](rules.md) defines *span*, *pass* and *wall*.\n\n\
-         Each example is a file of [`{EXAMPLES}`](../{EXAMPLES}). In that folder this prints it:\n\n\
+         Each example is a file of [`{EXAMPLES}`](../{EXAMPLES}). In that folder it is printed like this:\n\n\
          ```sh\n\
          kerf plan gouge.sinumerik_840c --control sinumerik_840c --tools ../tools.yaml\n\
          ```\n\n\
