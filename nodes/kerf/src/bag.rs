@@ -1,6 +1,7 @@
 //! `kerf bag`: inspects and repairs bags.
 
 use crate::exit::{CommandResult, Failure, Status};
+use crate::json;
 use crate::output_file::OutputFile;
 use crate::replay_command::{failure, report_page};
 use clap::Subcommand;
@@ -70,8 +71,7 @@ pub(crate) fn run(command: &BagCommand) -> CommandResult {
             info.result = run_result::of_bag(&mut bag);
             info.kept = mark_of(path);
             if *json {
-                let value = serde_json::to_value(&info).map_err(Failure::usage)?;
-                println!("{value:#}");
+                json::print(&serde_json::to_value(&info).map_err(Failure::usage)?)?;
             } else {
                 println!("{info}");
             }

@@ -37,6 +37,8 @@ pub(crate) struct CheckArgs {
 
 /// The result of one control.
 struct ControlResult {
+    /// As the command line names it: a name or a file.
+    named: String,
     profile: Profile,
     planned: Planned,
 }
@@ -82,7 +84,7 @@ pub(crate) fn run(args: &CheckArgs) -> CommandResult {
         let profile = files::profile(&name)?;
         let planned = Planned::new(&text, &profile, &tools, &options, Planning::default());
         planned.keep_disagreement(&files::file_name(&args.file), &text);
-        results.push(ControlResult { profile, planned });
+        results.push(ControlResult { named: name, profile, planned });
     }
     let pairs = pairs(&results);
     let name = files::file_name(&args.file);
@@ -191,7 +193,7 @@ fn to_text(name: &str, results: &[ControlResult], pairs: &[Pair]) -> String {
         if more > 0 {
             text += &format!(
                 "{:width$}  and {more} more, shown by `kerf plan --control {}`\n",
-                "", result.profile.name
+                "", result.named
             );
         }
     }

@@ -250,10 +250,15 @@ fn alarms(recording: &Recording, view: View, program_id: Option<&str>, program: 
             let block = block.and_then(|index| program.lines().nth(index));
             let block = block.map_or(String::new(), |text| format!(" ({})", text.trim()));
             let mode = mode_from_wire(state.state).name();
+            // No line of the program was under way.
+            let [label, place] = match state.line {
+                0 => [mode.to_owned(), String::new()],
+                line => [format!("{mode} line {line}"), format!(" at line {line}{block}")],
+            };
             pins.push(Pin {
                 kind: PinKind::Alarm,
-                label: format!("{mode} line {}", state.line),
-                text: format!("{mode} at line {}{block}: {}", state.line, state.reason),
+                label,
+                text: format!("{mode}{place}: {}", state.reason),
                 line: state.line,
                 at,
             });
