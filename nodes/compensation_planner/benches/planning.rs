@@ -26,17 +26,23 @@ use outline::{Outline, programmed};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-/// One way to make an outline of so many elements, and the tool for it.
-struct Ring {
+/// One way to make closed outlines of so many elements, and the tool for them.
+struct Rings {
     name: &'static str,
-    make: fn(usize) -> Outline,
+    make: fn(usize) -> Vec<Outline>,
     radius_mm: f64,
 }
 
-const RINGS: [Ring; 3] = [
-    Ring { name: "lines", make: Outline::wave, radius_mm: 5.0 },
-    Ring { name: "lines_and_arcs", make: Outline::rounded_wave, radius_mm: 5.0 },
-    Ring { name: "corners", make: Outline::zigzag, radius_mm: 0.5 },
+const RINGS: [Rings; 5] = [
+    Rings { name: "lines", make: |count| vec![Outline::wave(count)], radius_mm: 5.0 },
+    Rings {
+        name: "lines_and_arcs",
+        make: |count| vec![Outline::rounded_wave(count)],
+        radius_mm: 5.0,
+    },
+    Rings { name: "corners", make: |count| vec![Outline::zigzag(count)], radius_mm: 0.5 },
+    Rings { name: "stars", make: Outline::stars, radius_mm: 1.0 },
+    Rings { name: "nested_squares", make: Outline::nested_squares, radius_mm: 1.0 },
 ];
 
 const COUNTS: [usize; 3] = [10_000, 100_000, 1_000_000];
@@ -100,19 +106,22 @@ fn measure(
 /// Closed contours, the whole program checked, next to `cavalier_contours`.
 fn closed(criterion: &mut Criterion, best: &mut Best) {
     let profile = profile();
-    for Ring { name, make, radius_mm } in RINGS {
+    for Rings { name, make, radius_mm } in RINGS {
         for count in COUNTS {
-            let outline = make(count);
+            let outlines = make(count);
+            let elements = outlines.iter().map(Outline::count).sum();
             let group = format!("closed/{name}/{count}");
-            let (contour, tools) = (outline.programmed(), tool(radius_mm, 0.0));
-            measure(criterion, best, [&group, "kerf"], outline.count(), || {
+            let (contour, tools) = (programmed(&outlines), tool(radius_mm, 0.0));
+            measure(criterion, best, [&group, "kerf"], elements, || {
                 let plan = plan(black_box(&contour), &profile, &tools);
                 assert!(plan.accepted(), "{:?}", plan.findings.first());
             });
-            let polyline = outline.polyline();
-            measure(criterion, best, [&group, "cavalier_contours"], outline.count(), || {
-                let offsets = black_box(&polyline).parallel_offset(-radius_mm);
-                assert_eq!(offsets.len(), 1, "one closed offset");
+            let polylines: Vec<_> = outlines.iter().map(Outline::polyline).collect();
+            measure(criterion, best, [&group, "cavalier_contours"], elements, || {
+                for polyline in black_box(&polylines) {
+                    let offsets = polyline.parallel_offset(-radius_mm);
+                    assert_eq!(offsets.len(), 1, "one closed offset");
+                }
             });
         }
     }
@@ -177,21 +186,22 @@ fn growth(criterion: &mut Criterion, best: &mut Best) {
 /// What follows a new wear, and the radii that a contour is good for.
 fn again(criterion: &mut Criterion, best: &mut Best) {
     let profile = profile();
-    for Ring { name, make, radius_mm } in RINGS {
-        let outline = make(10_000);
-        let contour = outline.programmed();
+    for Rings { name, make, radius_mm } in RINGS {
+        let contour = programmed(&make(10_000));
         let worn = tool(radius_mm, -0.02);
-        measure(criterion, best, ["replan_after_wear_10000", name], outline.count(), || {
+        let elements = contour.events.len();
+        measure(criterion, best, ["replan_after_wear_10000", name], elements, || {
             let plan = plan(black_box(&contour), &profile, &worn);
             assert!(plan.accepted(), "{:?}", plan.findings.first());
         });
         for count in [10_000, 100_000] {
-            let outline = make(count);
-            let (contour, tools) = (outline.programmed(), tool(radius_mm, 0.0));
+            let outlines = make(count);
+            let (contour, tools) = (programmed(&outlines), tool(radius_mm, 0.0));
+            let elements = contour.events.len();
             let group = format!("with_certificate/{count}");
-            measure(criterion, best, [&group, name], outline.count(), || {
+            measure(criterion, best, [&group, name], elements, || {
                 let plan = plan_certified(black_box(&contour), &profile, &tools);
-                assert_eq!(plan.certificates.len(), 1);
+                assert_eq!(plan.certificates.len(), outlines.len());
             });
         }
     }
@@ -216,7 +226,7 @@ fn main() {
             );
         }
     }
-    for Ring { name, .. } in RINGS {
+    for Rings { name, .. } in RINGS {
         for count in COUNTS {
             let time = |who| best.of(&format!("closed/{name}/{count}/{who}"));
             let (Some(ours), Some(theirs)) = (time("kerf"), time("cavalier_contours")) else {

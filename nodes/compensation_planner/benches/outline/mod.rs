@@ -38,6 +38,8 @@ pub(crate) struct Outline {
     /// Before which segments the tool goes deeper, and to where, mm.
     steps: Vec<(usize, f64)>,
     depth_mm: f64,
+    /// Length of its leads, mm.
+    lead_mm: f64,
 }
 
 /// Length of the elements of rings, mm: what a post processor writes for a fine finish.
@@ -46,7 +48,7 @@ const STEP_MM: f64 = 0.1;
 impl Outline {
     fn lines(points: &[Point], side: CutterSide) -> Self {
         let segments = points[1..].iter().map(|&end| Segment { end, arc: None }).collect();
-        Self { start: points[0], segments, side, steps: Vec::new(), depth_mm: 0.0 }
+        Self { start: points[0], segments, side, steps: Vec::new(), depth_mm: 0.0, lead_mm: 20.0 }
     }
 
     /// A ring with seven waves, of so many lines, counter-clockwise, the tool outside.
@@ -206,9 +208,54 @@ impl Outline {
                 arc: Some(Bend { center, clockwise: true, bulge: -1.0 }),
             };
             let segments = vec![half(TAU / 2.0), half(0.0)];
-            Self { start: at(0.0), segments, side: CutterSide::Left, steps: vec![], depth_mm: 0.0 }
+            Self { segments, ..Self::lines(&[at(0.0)], CutterSide::Left) }
         };
         (0..count).map(boss).collect()
+    }
+
+    /// Stars of twelve lines in rows, each a contour of its own.
+    pub(crate) fn stars(count: usize) -> Vec<Self> {
+        let side = (count / 12).isqrt().max(1);
+        let star = |index: usize| {
+            let center = [(index % side) as f64 * 60.0, (index / side) as f64 * 60.0];
+            let point = |corner: usize| {
+                let out = if corner.is_multiple_of(2) { 10.0 } else { 8.0 };
+                let (sin, cos) = (TAU * corner as f64 / 12.0).sin_cos();
+                [center[0] + out * cos, center[1] + out * sin]
+            };
+            let points: Vec<Point> = (0..=12).map(|corner| point(corner % 12)).collect();
+            Self::lines(&points, CutterSide::Right)
+        };
+        (0..count / 12).map(star).collect()
+    }
+
+    /// Rounded squares of eight elements, ten of them in each other, in rows.
+    pub(crate) fn nested_squares(count: usize) -> Vec<Self> {
+        let nests = (count / 80).max(1);
+        let side = nests.isqrt().max(1);
+        let square = |index: usize| {
+            let nest = index / 10;
+            let center = [(nest % side) as f64 * 250.0, (nest / side) as f64 * 250.0];
+            let (half, radius) = (20.0 + 8.0 * (index % 10) as f64, 8.0);
+            let straight = half - radius;
+            let quarter = |turns: usize, [x, y]: Point| match turns {
+                0 => [center[0] + x, center[1] + y],
+                1 => [center[0] - y, center[1] + x],
+                2 => [center[0] - x, center[1] - y],
+                _ => [center[0] + y, center[1] - x],
+            };
+            let bulge = (TAU / 16.0).tan();
+            let segments = (0..4).flat_map(|turns| {
+                let at = |point| quarter(turns, point);
+                let arc = Bend { center: at([straight, straight]), clockwise: false, bulge };
+                let line = Segment { end: at([half, straight]), arc: None };
+                [line, Segment { end: at([straight, half]), arc: Some(arc) }]
+            });
+            let segments = segments.collect();
+            let start = quarter(0, [half, -straight]);
+            Self { segments, lead_mm: 3.0, ..Self::lines(&[start], CutterSide::Right) }
+        };
+        (0..nests * 10).map(square).collect()
     }
 
     /// Number of lines and arcs.
@@ -216,7 +263,7 @@ impl Outline {
         self.segments.len()
     }
 
-    /// With D1, a lead-on and a lead-off of 20 mm perpendicular to the ends.
+    /// With D1, a lead-on and a lead-off perpendicular to the ends.
     pub(crate) fn programmed(&self) -> ProgrammedContour {
         programmed(std::slice::from_ref(self))
     }
@@ -226,8 +273,8 @@ impl Outline {
         let (first, last) = (self.segments[0], self.segments[self.count() - 1]);
         let last_start =
             if self.count() > 1 { self.segments[self.count() - 2].end } else { self.start };
-        let sign = if self.side == CutterSide::Left { 20.0 } else { -20.0 };
-        let aside = |at: Point, along: Point| [at[0] - along[1] * sign, at[1] + along[0] * sign];
+        let left = if self.side == CutterSide::Left { self.lead_mm } else { -self.lead_mm };
+        let aside = |at: Point, along: Point| [at[0] - along[1] * left, at[1] + along[0] * left];
         [
             aside(self.start, unit(self.start, first.end)),
             aside(last.end, unit(last_start, last.end)),
