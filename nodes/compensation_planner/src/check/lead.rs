@@ -9,7 +9,7 @@ use crate::geometry::distance::{Nearest, nearest, nearest_between, nearest_on_el
 use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::frame::{height, in_work};
 use crate::geometry::tolerance::{CHORD_TURN_RAD, GOUGE_MM, LENGTH_MM, LOOP_MM};
-use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, budget};
+use crate::geometry::tree::{Bounds, budget};
 use crate::span::chain::Role;
 use crate::span::corner::PIECES;
 use crate::span::{Lead, Run, Span};
@@ -251,9 +251,8 @@ pub(crate) fn deepest_cut(
         return None;
     }
     let bounds = Bounds::of(path);
-    let tree = Tree::new(std::iter::once((bounds, NO_CHAIN)));
     let mut deepest: Option<(usize, Nearest)> = None;
-    tree.near_pairs(walls.tree(), limit, &mut budget(walls.count()), |_, into| {
+    walls.tree().near_box(&bounds, limit, &mut budget(walls.count()), |into| {
         for run in into.filter(|&run| counts(run)) {
             let whole = walls.element(run);
             // Cheap tests first.

@@ -92,19 +92,32 @@ struct Node {
 /// Boxes over elements, which are known by index.
 #[derive(Debug, Clone)]
 pub(crate) struct Tree {
-    /// The lowest first; the last has one node.
-    levels: Vec<Vec<Node>>,
-    /// The elements of each of the lowest: the first, and how many.
-    items: Vec<(u32, u32)>,
+    leaves: Vec<Leaf>,
+    /// The boxes above, level by level; the last one holds all.
+    above: Vec<Node>,
     /// No lowest box is wider in both directions, mm.
     pub widest_mm: f64,
 }
 
-/// The lowest boxes of a tree.
+/// A lowest box of a tree.
+#[derive(Debug, Clone, Copy)]
+struct Leaf {
+    node: Node,
+    /// Its elements: the first, and how many.
+    first: u32,
+    count: u32,
+}
+
+impl Leaf {
+    fn items(&self) -> Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+}
+
+/// The lowest boxes of a tree that is being built.
 #[derive(Debug, Default)]
 struct Leaves {
-    nodes: Vec<Node>,
-    items: Vec<(u32, u32)>,
+    leaves: Vec<Leaf>,
     widest_mm: f64,
 }
 
@@ -159,45 +172,126 @@ impl Tree {
         budget: &mut usize,
         mut visit: impl FnMut(Range<usize>, Range<usize>) -> ControlFlow<()>,
     ) -> bool {
-        if self.items.is_empty() || other.items.is_empty() {
-            return true;
-        }
-        let reach_squared = reach * reach;
-        let mut stack = vec![((self.levels.len() - 1, 0), (other.levels.len() - 1, 0))];
-        while let Some(((level_a, a), (level_b, b))) = stack.pop() {
-            if *budget == 0 {
-                return false;
-            }
-            *budget -= 1;
-            let (node_a, node_b) = (&self.levels[level_a][a], &other.levels[level_b][b]);
-            if (node_a.chain == node_b.chain && node_a.chain != NO_CHAIN)
-                || node_a.bounds.gap_squared(&node_b.bounds) > reach_squared
-            {
-                continue;
-            }
-            if level_a == 0 && level_b == 0 {
-                *budget = budget.saturating_sub(LEAF);
-                if visit(self.items(a), other.items(b)).is_break() {
-                    return true;
-                }
-                continue;
-            }
-            if level_a >= level_b {
-                for child in children(a, self.levels[level_a - 1].len()) {
-                    stack.push(((level_a - 1, child), (level_b, b)));
-                }
-            } else {
-                for child in children(b, other.levels[level_b - 1].len()) {
-                    stack.push(((level_a, a), (level_b - 1, child)));
-                }
-            }
-        }
-        true
+        let visit = |a: &Leaf, b: &Leaf| visit(a.items(), b.items());
+        search([self.boxes(), other.boxes()], reach, budget, visit)
     }
 
-    fn items(&self, leaf: usize) -> Range<usize> {
-        let (first, count) = self.items[leaf];
-        first as usize..(first + count) as usize
+    /// The same for a box of its own, which belongs to no chain.
+    pub(crate) fn near_box(
+        &self,
+        bounds: &Bounds,
+        reach: f64,
+        budget: &mut usize,
+        mut visit: impl FnMut(Range<usize>) -> ControlFlow<()>,
+    ) -> bool {
+        let node = Node { bounds: *bounds, chain: NO_CHAIN };
+        let leaves = [Leaf { node, first: 0, count: 1 }];
+        let leaves = if bounds.is_empty() { &[][..] } else { &leaves[..] };
+        let one = Boxes { leaves, above: &[] };
+        search([one, self.boxes()], reach, budget, |_, leaf| visit(leaf.items()))
+    }
+
+    fn boxes(&self) -> Boxes<'_> {
+        Boxes { leaves: &self.leaves, above: &self.above }
+    }
+}
+
+/// See [`Tree::near_pairs`].
+fn search(
+    trees: [Boxes<'_>; 2],
+    reach: f64,
+    budget: &mut usize,
+    visit: impl FnMut(&Leaf, &Leaf) -> ControlFlow<()>,
+) -> bool {
+    let [Some(a), Some(b)] = trees.map(|tree| tree.top()) else { return true };
+    let mut search = Search { trees, reach_squared: reach * reach, budget, visit };
+    search.pairs(a, b) != ControlFlow::Break(Stop::NoBudget)
+}
+
+/// Why a search ends early.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stop {
+    ByVisitor,
+    NoBudget,
+}
+
+struct Search<'a, V> {
+    trees: [Boxes<'a>; 2],
+    reach_squared: f64,
+    budget: &'a mut usize,
+    visit: V,
+}
+
+impl<V: FnMut(&Leaf, &Leaf) -> ControlFlow<()>> Search<'_, V> {
+    /// Visits what is near below a pair of boxes. As deep as both trees together.
+    fn pairs(&mut self, a: Place, b: Place) -> ControlFlow<Stop> {
+        if *self.budget == 0 {
+            return ControlFlow::Break(Stop::NoBudget);
+        }
+        *self.budget -= 1;
+        let [tree_a, tree_b] = self.trees;
+        let (node_a, node_b) = (tree_a.node(a), tree_b.node(b));
+        if (node_a.chain == node_b.chain && node_a.chain != NO_CHAIN)
+            || node_a.bounds.gap_squared(&node_b.bounds) > self.reach_squared
+        {
+            return ControlFlow::Continue(());
+        }
+        if a.level == 0 && b.level == 0 {
+            *self.budget = self.budget.saturating_sub(LEAF);
+            let (a, b) = (&tree_a.leaves[a.index], &tree_b.leaves[b.index]);
+            return (self.visit)(a, b).map_break(|()| Stop::ByVisitor);
+        }
+        if a.level >= b.level {
+            tree_a.children(a).rev().try_for_each(|child| self.pairs(child, b))
+        } else {
+            tree_b.children(b).rev().try_for_each(|child| self.pairs(a, child))
+        }
+    }
+}
+
+/// The boxes of a tree.
+#[derive(Clone, Copy)]
+struct Boxes<'a> {
+    leaves: &'a [Leaf],
+    above: &'a [Node],
+}
+
+/// A box of a tree.
+#[derive(Clone, Copy)]
+struct Place {
+    /// 0 for the lowest.
+    level: u32,
+    /// The first box above the lowest that is on its level.
+    first: usize,
+    /// Its number on its level.
+    index: usize,
+}
+
+impl<'a> Boxes<'a> {
+    /// The box that holds all others; `None` without any.
+    fn top(self) -> Option<Place> {
+        let level = self.leaves.len().checked_next_power_of_two()?.trailing_zeros();
+        let first = self.above.len().saturating_sub(1);
+        (!self.leaves.is_empty()).then_some(Place { level, first, index: 0 })
+    }
+
+    fn node(self, at: Place) -> &'a Node {
+        match at.level {
+            0 => &self.leaves[at.index].node,
+            _ => &self.above[at.first + at.index],
+        }
+    }
+
+    /// The boxes in a box that is not one of the lowest.
+    fn children(self, of: Place) -> impl DoubleEndedIterator<Item = Place> {
+        let level = of.level - 1;
+        let count = ((self.leaves.len() - 1) >> level) + 1;
+        let first = of.first.saturating_sub(count);
+        (2 * of.index..(2 * of.index + 2).min(count)).map(move |index| Place {
+            level,
+            first,
+            index,
+        })
     }
 }
 
@@ -206,42 +300,51 @@ impl Leaves {
         if node.bounds.is_empty() {
             return;
         }
-        if let (Some((first, count)), Some(last)) = (self.items.last_mut(), self.nodes.last_mut())
-            && (*count as usize) < LEAF
-            && *first as usize + *count as usize == index
+        if let Some(last) = self.leaves.last_mut()
+            && (last.count as usize) < LEAF
+            && last.items().end == index
         {
-            let both = last.and(&node);
+            let both = last.node.and(&node);
             if both.bounds.width() <= self.widest_mm {
-                (*count, *last) = (*count + 1, both);
+                (last.count, last.node) = (last.count + 1, both);
                 return;
             }
         }
-        self.items.push((index as u32, 1));
-        self.nodes.push(node);
+        self.leaves.push(Leaf { node, first: index as u32, count: 1 });
     }
 
     /// Sorts them along a curve that fills their bounds, and builds the boxes above.
     fn tree(self) -> Tree {
-        let all = self.nodes.iter().fold(Bounds::EMPTY, |all, node| all.union(node.bounds));
+        let Self { mut leaves, widest_mm } = self;
+        let all = leaves.iter().fold(Bounds::EMPTY, |all, leaf| all.union(leaf.node.bounds));
         let side = f64::from(HILBERT_SIDE - 1);
         let scale = (all.high - all.low).map(|extent| side / extent.max(LENGTH_MM));
-        let place = |(index, node): (usize, &Node)| {
-            let cell = ((node.bounds.low + node.bounds.high) / 2.0 - all.low).component_mul(&scale);
-            (hilbert(cell.x as u32, cell.y as u32), index as u32)
-        };
-        let mut order: Vec<(u32, u32)> = self.nodes.iter().enumerate().map(place).collect();
-        order.sort_unstable();
-        let items = order.iter().map(|(_, leaf)| self.items[*leaf as usize]).collect();
-        let mut levels: Vec<Vec<Node>> =
-            vec![order.iter().map(|(_, leaf)| self.nodes[*leaf as usize]).collect()];
-        while let Some(top) = levels.last().filter(|top| top.len() > 1) {
-            let above = top.chunks(2).map(|pair| match pair {
-                [left, right] => left.and(right),
-                _ => pair[0],
-            });
-            levels.push(above.collect());
+        leaves.sort_by_cached_key(|leaf| {
+            let Bounds { low, high } = leaf.node.bounds;
+            let cell = ((low + high) / 2.0 - all.low).component_mul(&scale);
+            hilbert(cell.x as u32, cell.y as u32)
+        });
+        let mut above: Vec<Node> = Vec::new();
+        if leaves.len() > 1 {
+            above.reserve_exact(leaves.len() + leaves.len().ilog2() as usize + 1);
+            above.extend(leaves.chunks(2).map(|pair| match pair {
+                [left, right] => left.node.and(&right.node),
+                _ => pair[0].node,
+            }));
         }
-        Tree { levels, items, widest_mm: self.widest_mm }
+        let mut from = 0;
+        while above.len() - from > 1 {
+            let to = above.len();
+            for left in (from..to).step_by(2) {
+                let both = match left + 1 < to {
+                    true => above[left].and(&above[left + 1]),
+                    false => above[left],
+                };
+                above.push(both);
+            }
+            from = to;
+        }
+        Tree { leaves, above, widest_mm }
     }
 }
 
@@ -264,10 +367,6 @@ fn hilbert(mut x: u32, mut y: u32) -> u32 {
         side /= 2;
     }
     along
-}
-
-fn children(node: usize, count: usize) -> Range<usize> {
-    2 * node..(2 * node + 2).min(count)
 }
 
 impl Node {
@@ -400,7 +499,7 @@ mod tests {
         let lines = [[0.0, 0.0, 80.0, 60.0], [80.0, 60.0, 1.0, 1.0], [81.0, 61.0, 1.0, 2.0]];
         let items = lines.iter().map(|numbers| (Some(line(numbers)), NO_CHAIN));
         let tree = Tree::of_elements(items, 20.0);
-        let mut items = tree.items.clone();
+        let mut items: Vec<_> = tree.leaves.iter().map(|leaf| (leaf.first, leaf.count)).collect();
         items.sort_unstable();
         assert_eq!(items, [(0, 1), (0, 1), (0, 1), (1, 2)]);
     }

@@ -41,9 +41,8 @@ impl SpanIndex {
     pub(crate) fn near(&self, bounds: &Bounds, reach: f64) -> Vec<usize> {
         let is_near = |span: &usize| self.all[*span].gap_squared(bounds) < reach * reach;
         let mut found: Vec<usize> = (self.waiting..self.all.len()).filter(is_near).collect();
-        let one = Tree::new(std::iter::once((*bounds, NO_CHAIN)));
         for (first, tree) in &self.trees {
-            one.near_pairs(tree, reach, &mut budget(self.all.len()), |_, spans| {
+            tree.near_box(bounds, reach, &mut budget(self.all.len()), |spans| {
                 found.extend(spans.map(|span| first + span).filter(is_near));
                 ControlFlow::Continue(())
             });
