@@ -8,7 +8,7 @@ use crate::check::walls::{BOX_REACHES, Walls};
 use crate::geometry::distance::{Nearest, are_apart, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
-use crate::geometry::tree::{Bounds, LEAF, NO_CHAIN, Tree, budget};
+use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, boxes_of, budget};
 use crate::span::chain::{ChainLink, Placed, Role};
 use crate::span::corner::{Corners, PIECES};
 use std::ops::ControlFlow;
@@ -126,18 +126,17 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     let tree = Tree::of_elements(elements, walls.tree().widest_mm.max(BOX_REACHES * reach));
     let mut found = FoundCuts::default();
     let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(paths.len()), |on, into| {
-        // Computed once for all pairs: most are far enough apart by this alone.
-        let mut wall_boxes = [Bounds::EMPTY; LEAF];
-        for (wall_box, run) in wall_boxes.iter_mut().zip(into.clone()) {
-            *wall_box = Bounds::of(walls.element(run));
-        }
+        let wall_boxes = boxes_of(into.clone().map(|run| walls.element(run)));
         for index in on {
             let Some(path) = element(&paths[index]) else { continue };
             let path_box = Bounds::of(&path);
             let link = &links[placed[paths[index].place].link];
-            for (run, wall_box) in into.clone().zip(&wall_boxes) {
-                let gap_squared = path_box.gap_squared(wall_box);
-                if let Some(cut) = cut(walls, &paths[index], &path, gap_squared, link, run) {
+            let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
+            let limit = radius_mm - paths[index].slack;
+            // Most pairs are far enough apart by their boxes alone.
+            let is_near = |wall: &Bounds| path_box.gap_squared(wall) < limit * limit;
+            for (run, _) in into.clone().zip(&wall_boxes).filter(|(_, wall)| is_near(wall)) {
+                if let Some(cut) = cut(walls, &paths[index], &path, radius_mm, link, run) {
                     found.push(paths[index].place, cut)?;
                 }
             }
@@ -216,12 +215,12 @@ fn paths(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Ve
     paths
 }
 
-/// The cut into one run, if any; `gap_squared` is between the boxes of both, mm².
+/// The cut into one run, if any.
 fn cut(
     walls: &Walls<'_>,
     on: &ToolMove,
     path: &Element,
-    gap_squared: f64,
+    radius_mm: f64,
     link: &ChainLink,
     into: usize,
 ) -> Option<Cut> {
@@ -230,14 +229,10 @@ fn cut(
     if !walls.is_judged(into) || (on.chain != NO_CHAIN && on.chain == walls.chain(into)) {
         return None;
     }
-    let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
     let limit = radius_mm - on.slack;
     let whole = walls.element(into);
     // Cheap tests first.
-    if gap_squared >= limit * limit
-        || (into == on.run && whole.is_line())
-        || are_apart(path, whole, limit)
-    {
+    if (into == on.run && whole.is_line()) || are_apart(path, whole, limit) {
         return None;
     }
     let mut near = nearest_between(path, whole);

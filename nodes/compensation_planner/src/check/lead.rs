@@ -253,10 +253,11 @@ pub(crate) fn deepest_cut(
     let bounds = Bounds::of(path);
     let mut deepest: Option<(usize, Nearest)> = None;
     walls.tree().near_box(&bounds, limit, &mut budget(walls.count()), |into| {
-        for run in into.filter(|&run| counts(run)) {
+        for run in into {
             let whole = walls.element(run);
             // Cheap tests first.
             if bounds.gap_squared(&Bounds::of(whole)) >= limit * limit
+                || !counts(run)
                 || nearest_between(path, whole).distance >= limit
             {
                 continue;

@@ -8,7 +8,7 @@ use crate::geometry::distance::{are_apart, is_near};
 use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
-use crate::geometry::tree::{Bounds, Tree, budget};
+use crate::geometry::tree::{Bounds, Tree, boxes_of, budget};
 use crate::span::Run;
 use std::ops::ControlFlow;
 
@@ -122,10 +122,11 @@ fn places(
         if early.start > late.start {
             return ControlFlow::Continue(());
         }
+        let early_boxes = boxes_of(runs[early.clone()].iter().map(|run| &run.element));
         for late in late.filter(|late| counts(*late)) {
             let late_box = Bounds::of(&runs[late].element);
-            for early in (early.start..early.end.min(late)).filter(|early| counts(*early)) {
-                let early_box = Bounds::of(&runs[early].element);
+            let before = (early.start..early.end.min(late)).zip(&early_boxes);
+            for (early, early_box) in before.filter(|(early, _)| counts(*early)) {
                 if early_box.gap_squared(&late_box) <= LENGTH_MM * LENGTH_MM {
                     let joint =
                         (skips_joints && early + 1 == late).then(|| runs[early].element.end());

@@ -7,7 +7,7 @@
 use crate::geometry::tolerance::{
     ARC_RADIUS_REL, CENTER_SHIFT_REL, LENGTH_MM, SHORT_ARC_SHIFT_REL,
 };
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// A point or vector in the plane, mm.
 pub(crate) type Vec2 = nalgebra::Vector2<f64>;
@@ -305,9 +305,13 @@ impl Arc {
 
     /// Whether the direction from the centre is within the arc.
     pub(crate) fn faces(&self, out: Vec2) -> bool {
-        self.sweep >= TAU || {
-            let norm = out.norm();
-            norm > 0.0 && swept(self.from, out / norm, self.turn) <= self.sweep
+        let is_after_start = cross(self.from, out) * self.turn >= 0.0;
+        let is_before_end = cross(out, self.to) * self.turn >= 0.0;
+        match self.sweep {
+            sweep if sweep >= TAU => true,
+            _ if out == Vec2::zeros() => false,
+            sweep if sweep <= PI => is_after_start && is_before_end,
+            _ => is_after_start || is_before_end,
         }
     }
 

@@ -42,18 +42,24 @@ impl Bounds {
         high: Vec2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
     };
 
-    /// The box around an element; for an arc it may be a little too large.
+    /// The box around an element.
     pub(crate) fn of(element: &Element) -> Self {
         let (start, end) = (element.start(), element.end());
-        let chord = Self { low: start.inf(&end), high: start.sup(&end) };
-        let Element::Arc(arc) = element else { return chord };
-        if arc.sweep >= std::f64::consts::FRAC_PI_2 {
-            let reach = Vec2::repeat(arc.radius);
-            return Self { low: arc.center - reach, high: arc.center + reach };
+        let mut bounds = Self { low: start.inf(&end), high: start.sup(&end) };
+        let Element::Arc(arc) = element else { return bounds };
+        if arc.faces(Vec2::x()) {
+            bounds.high.x = bounds.high.x.max(arc.center.x + arc.radius);
         }
-        // No point of the arc is farther from its chord than the sagitta.
-        let sagitta = Vec2::repeat(arc.radius * (1.0 - (arc.sweep / 2.0).cos()));
-        Self { low: chord.low - sagitta, high: chord.high + sagitta }
+        if arc.faces(-Vec2::x()) {
+            bounds.low.x = bounds.low.x.min(arc.center.x - arc.radius);
+        }
+        if arc.faces(Vec2::y()) {
+            bounds.high.y = bounds.high.y.max(arc.center.y + arc.radius);
+        }
+        if arc.faces(-Vec2::y()) {
+            bounds.low.y = bounds.low.y.min(arc.center.y - arc.radius);
+        }
+        bounds
     }
 
     fn is_empty(&self) -> bool {
@@ -81,6 +87,15 @@ impl Bounds {
         let y = (self.low.y - other.high.y).max(other.low.y - self.high.y).max(0.0);
         x * x + y * y
     }
+}
+
+/// The boxes around the elements that share a lowest box.
+pub(crate) fn boxes_of<'a>(elements: impl Iterator<Item = &'a Element>) -> [Bounds; LEAF] {
+    let mut boxes = [Bounds::EMPTY; LEAF];
+    for (bounds, element) in boxes.iter_mut().zip(elements) {
+        *bounds = Bounds::of(element);
+    }
+    boxes
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -533,17 +548,28 @@ mod tests {
     }
 
     #[test]
-    fn the_box_of_an_arc_holds_it() {
-        for degrees in [1.0_f64, 30.0, 89.0, 91.0, 200.0, 359.0] {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            let (from, to) = (Vec2::new(5.0, 0.0), Vec2::new(5.0 * cos, 5.0 * sin));
-            let arc = Element::arc(from, to, Vec2::zeros(), true, 0).expect("an arc");
-            let bounds = Bounds::of(&arc);
-            for step in 0..=100 {
-                let point = arc.point_at(arc.length() * f64::from(step) / 100.0);
-                let inside = point - bounds.low;
-                let outside = bounds.high - point;
-                assert!(inside.min().min(outside.min()) > -1e-9, "{degrees}: {point}");
+    fn the_box_of_an_arc_holds_it_and_is_no_larger() {
+        let at = |degrees: f64| {
+            let (y, x) = degrees.to_radians().sin_cos();
+            Vec2::new(x, y) * 5.0
+        };
+        for (from, degrees) in [0.0, 10.0, 130.0, 250.0, 355.0]
+            .into_iter()
+            .flat_map(|from| [1.0, 30.0, 89.0, 91.0, 181.0, 200.0, 359.0].map(|to| (from, to)))
+        {
+            for ccw in [true, false] {
+                let to = if ccw { from + degrees } else { from - degrees };
+                let arc = Element::arc(at(from), at(to), Vec2::zeros(), ccw, 0).expect("an arc");
+                let bounds = Bounds::of(&arc);
+                let points =
+                    (0..=3600).map(|step| arc.point_at(arc.length() * step as f64 / 3600.0));
+                let all = points.fold(Bounds::EMPTY, |all, point| Bounds {
+                    low: all.low.inf(&point),
+                    high: all.high.sup(&point),
+                });
+                let off = (all.low - bounds.low).sup(&(bounds.high - all.high));
+                let inside = (all.low - bounds.low).inf(&(bounds.high - all.high));
+                assert!(inside.min() > -1e-9 && off.max() < 1e-5, "{from} {degrees}: {off}");
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::check::interference;
 use crate::geometry::distance::nearest_between;
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
-use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, budget};
+use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, boxes_of, budget};
 use crate::span::{ItemKind, Run, Span};
 use crate::walk::compensate::{Exit, Solution};
 use crate::walk::span_index::SpanIndex;
@@ -18,6 +18,7 @@ use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::{OtherSpans, Profile};
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -48,7 +49,8 @@ pub(crate) struct EarlierSpans<'a> {
 struct SpanWalls {
     part: Part,
     walls: Vec<Wall>,
-    tree: Tree,
+    /// Over the walls, once another contour is near.
+    tree: OnceCell<Tree>,
     bounds: Bounds,
     /// Equal for a contour that is cut again, in either direction.
     fingerprint: Fingerprint,
@@ -121,13 +123,15 @@ impl<'a> EarlierSpans<'a> {
             return None;
         }
         if let Some((part, span, solution)) = self.first.take().map(|first| *first) {
-            SpanWalls::of(part, &span, &solution).into_iter().for_each(|left| self.push(left));
+            let left = SpanWalls::of(part, &span, &solution, &span.leg_heights());
+            left.into_iter().for_each(|left| self.push(left));
         }
-        let left = SpanWalls::of(part, &span, &solution)?;
+        let heights = span.leg_heights();
+        let left = SpanWalls::of(part, &span, &solution, &heights)?;
         // The span itself checks a link against the wall that it leaves.
         let by_link = |said: &&Finding| said.code == Code::LinkGouge;
         let checked: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
-        let pieces = pieces(&span, exit, &solution, profile, said);
+        let pieces = pieces(&span, exit, &solution, &heights, profile, said);
         let found = self.cut(&left, pieces, &checked, &span, profile);
         let mut known = self.known.get(&left.fingerprint).into_iter().flatten();
         match known.find(|other| self.left[**other].is_same(&left)) {
@@ -154,19 +158,28 @@ impl<'a> EarlierSpans<'a> {
         profile: &Profile,
     ) -> Option<Finding> {
         self.budget += budget(pieces.len()) - budget(0);
-        let boxes = || pieces.iter().map(|piece| Bounds::of(&piece.path));
+        let boxes: Vec<Bounds> = pieces.iter().map(|piece| Bounds::of(&piece.path)).collect();
         let reach = pieces.iter().fold(0.0, |reach: f64, piece| reach.max(piece.radius_mm));
-        let bounds = boxes().fold(Bounds::EMPTY, Bounds::union);
+        let bounds = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
+        let are_near = |a: &Bounds, b: &Bounds| a.gap_squared(b) < reach * reach;
         let near = self.places.near(&bounds, reach).into_iter().map(|left| &self.left[left]);
         let mut tree = None;
         for left in near.filter(|left| left.part == of.part && !left.is_same(of)) {
-            let tree =
-                tree.get_or_insert_with(|| Tree::new(boxes().map(|bounds| (bounds, NO_CHAIN))));
+            let chained = boxes.iter().map(|bounds| (*bounds, NO_CHAIN));
+            let tree = tree.get_or_insert_with(|| Tree::new(chained));
             let mut deepest: Option<OtherCut> = None;
-            let is_complete = tree.near_pairs(&left.tree, reach, &mut self.budget, |on, into| {
-                for piece in &pieces[on] {
-                    for wall in &left.walls[into.clone()] {
-                        let cut = piece.cut_into(wall, profile, span.d_mm);
+            let is_complete = tree.near_pairs(left.tree(), reach, &mut self.budget, |on, into| {
+                let walls = &left.walls[into];
+                let wall_boxes = boxes_of(walls.iter().map(|wall| &wall.element));
+                // One contour inside another is near to its bounds, and to nothing else.
+                if !wall_boxes.iter().any(|wall| are_near(wall, &bounds)) {
+                    return ControlFlow::Continue(());
+                }
+                let near = on.filter(|piece| are_near(&boxes[*piece], &left.bounds));
+                for (piece, piece_box) in near.map(|piece| (&pieces[piece], &boxes[piece])) {
+                    for (wall, wall_box) in walls.iter().zip(&wall_boxes) {
+                        let gap_squared = piece_box.gap_squared(wall_box);
+                        let cut = piece.cut_into(wall, gap_squared, profile, span.d_mm);
                         let is_deeper = |cut: &OtherCut| {
                             !checked.contains(&cut.into)
                                 && deepest.is_none_or(|other| cut.depth_mm() > other.depth_mm())
@@ -191,13 +204,17 @@ impl<'a> EarlierSpans<'a> {
 
 impl SpanWalls {
     /// `None` when the walls of the contour are not complete.
-    fn of(part: Part, span: &Span<'_>, solution: &Solution) -> Option<Self> {
+    fn of(
+        part: Part,
+        span: &Span<'_>,
+        solution: &Solution,
+        heights: &[(f64, f64)],
+    ) -> Option<Self> {
         let walls = solution.walls();
-        let heights = span.leg_heights();
         let runs = solution.runs();
         let is_first = |&run: &usize| walls.copies(run).nth(1).is_none_or(|first| first == run);
         let wall = |run: usize| {
-            let lowest = |run| lowest(&heights, &runs[run]);
+            let lowest = |run| lowest(heights, &runs[run]);
             Some(Wall {
                 element: walls.of(run).filter(|_| walls.is_judged(run))?,
                 height_mm: walls.copies(run).map(lowest).fold(f64::INFINITY, f64::min),
@@ -208,11 +225,16 @@ impl SpanWalls {
             true => (0..walls.count()).filter(is_first).filter_map(wall).collect(),
             false => return None,
         };
-        let boxes = || walls.iter().map(|wall| Bounds::of(&wall.element));
-        let tree = Tree::new(boxes().map(|bounds| (bounds, NO_CHAIN)));
-        let bounds = boxes().fold(Bounds::EMPTY, Bounds::union);
+        let boxes = walls.iter().map(|wall| Bounds::of(&wall.element));
+        let bounds = boxes.fold(Bounds::EMPTY, Bounds::union);
         let print = walls.iter().fold(0_u64, |sum, wall| sum.wrapping_add(print(&wall.element)));
-        Some(Self { part, fingerprint: (walls.len(), print), walls, tree, bounds })
+        let fingerprint = (walls.len(), print);
+        Some(Self { part, fingerprint, walls, tree: OnceCell::new(), bounds })
+    }
+
+    fn tree(&self) -> &Tree {
+        let boxes = self.walls.iter().map(|wall| (Bounds::of(&wall.element), NO_CHAIN));
+        self.tree.get_or_init(|| Tree::new(boxes))
     }
 
     fn is_same(&self, other: &Self) -> bool {
@@ -229,9 +251,15 @@ impl SpanWalls {
 }
 
 impl Piece {
-    fn cut_into(&self, wall: &Wall, profile: &Profile, d_mm: f64) -> Option<OtherCut> {
+    /// The cut into a wall, if any; `gap_squared` is between the boxes of both, mm².
+    fn cut_into(
+        &self,
+        wall: &Wall,
+        gap_squared: f64,
+        profile: &Profile,
+        d_mm: f64,
+    ) -> Option<OtherCut> {
         let limit = self.radius_mm - GOUGE_MM - profile.accept_tolerance_mm;
-        let gap_squared = Bounds::of(&self.path).gap_squared(&Bounds::of(&wall.element));
         if self.height_mm > wall.height_mm + LENGTH_MM || limit <= 0.0 {
             return None;
         }
@@ -255,15 +283,15 @@ fn pieces(
     span: &Span<'_>,
     exit: &Exit,
     solution: &Solution,
+    heights: &[(f64, f64)],
     profile: &Profile,
     said: &[Finding],
 ) -> Vec<Piece> {
     let runs = solution.runs();
-    let heights = span.leg_heights();
     let on_contour = |(run, radius_mm, path): (usize, f64, Element)| Piece {
         path,
         radius_mm,
-        height_mm: lowest(&heights, &runs[run]),
+        height_mm: lowest(heights, &runs[run]),
         source: span.legs[runs[run].legs.start].source,
     };
     let walls = solution.walls();
