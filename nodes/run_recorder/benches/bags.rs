@@ -5,9 +5,12 @@
 //! cargo bench -p run_recorder --bench bags -- --mb 100      a smaller one
 //! ```
 //!
-//! Both write the same messages with the same options in turn, to files below the target
-//! folder. Opening and seeking is in the cache of the host, the middle of some runs. The
-//! other way of opening and seeking is `mcap`'s own: `SummaryReader` and `IndexedReader`.
+//! All write the same messages with the same options in turn, to files below the target
+//! folder. Each is compared with the writer of `mcap` that leaves its file to the cache of the
+//! host, and with one that promises what `RunBag` does: its chunk is closed and synced to the
+//! disk each half second, and its file is synced at the end. Opening and seeking is in that
+//! cache, the middle of some runs. The other way of opening and seeking is `mcap`'s own:
+//! `SummaryReader` and `IndexedReader`.
 
 #![allow(clippy::print_stdout)]
 
@@ -31,6 +34,10 @@ use std::time::{Duration, Instant};
 const ROUNDS: usize = 5;
 const BYTES_PER_MB: f64 = 1e6;
 const MIB: u64 = 1 << 20;
+/// The default of [`RunBagOptions`], for the writer of `mcap` too.
+const FLUSH_INTERVAL: Duration = Duration::from_millis(500);
+/// The unit of processor time in /proc.
+const TICKS_PER_S: f64 = 100.0;
 
 fn main() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder on the disk");
@@ -54,43 +61,62 @@ fn write(folder: &Path) {
         })
         .collect();
     let bytes: usize = messages.iter().map(|(.., data)| data.len()).sum();
-    println!("{:<28} {:>10} {:>14} {:>10}", "written", "MB/s", "messages/s", "of mcap");
-    let ways: [(&str, WriteBag); 3] = [
-        ("crate mcap", by_mcap),
-        ("BagWriter", by_bag_writer),
-        ("RunBag, through to the disk", by_run_bag),
+    let ways: [(&str, WriteBag); 5] = [
+        ("crate mcap, no sync", |folder, messages| by_mcap(folder, messages, None)),
+        ("crate mcap, synced", |folder, messages| by_mcap(folder, messages, Some(FLUSH_INTERVAL))),
+        ("BagWriter, no sync", by_bag_writer),
+        ("RunBag, synced at the end", |folder, messages| by_run_bag(folder, messages, false)),
+        ("RunBag, synced", |folder, messages| by_run_bag(folder, messages, true)),
     ];
-    let mut best = [Duration::MAX; 3];
+    let mut best = [Duration::MAX; 5];
+    let mut cpu_s = [f64::MAX; 5];
     for round in 0..if is_test() { 1 } else { ROUNDS } {
         for (way, (_, write)) in ways.iter().enumerate() {
             let place = folder.join(format!("written_{round}_{way}"));
             std::fs::create_dir(&place).expect("a folder");
-            let begin = Instant::now();
+            let (begin, cpu_before) = (Instant::now(), processor_s());
             write(&place, &messages);
             best[way] = best[way].min(begin.elapsed());
+            cpu_s[way] = cpu_s[way].min(processor_s() - cpu_before);
             std::fs::remove_dir_all(place).expect("our folder");
         }
     }
+    println!(
+        "{:<28} {:>6} {:>11} {:>8} {:>8} {:>12}",
+        "written", "MB/s", "messages/s", "of mcap", "synced", "processor, s"
+    );
     for (way, (name, _)) in ways.iter().enumerate() {
         let seconds = best[way].as_secs_f64();
         println!(
-            "{name:<28} {:>10.0} {:>14.0} {:>9.0}%",
+            "{name:<28} {:>6.0} {:>11.0} {:>7.0}% {:>7.0}% {:>12.2}",
             bytes as f64 / BYTES_PER_MB / seconds,
             count as f64 / seconds,
-            100.0 * best[0].as_secs_f64() / seconds
+            100.0 * best[0].as_secs_f64() / seconds,
+            100.0 * best[1].as_secs_f64() / seconds,
+            cpu_s[way]
         );
     }
 }
 
-fn by_mcap(folder: &Path, messages: &Messages) {
-    let file = BufWriter::new(File::create(folder.join("plain.mcap")).expect("a file"));
+/// Processor time of this process so far, threads that ended included.
+fn processor_s() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").expect("Linux");
+    // The second field is a name in brackets; user and system time are fields 14 and 15.
+    let (_, rest) = text.rsplit_once(')').expect("a name");
+    let ticks = rest.split_whitespace().skip(11).take(2);
+    ticks.map(|ticks| ticks.parse::<f64>().expect("ticks")).sum::<f64>() / TICKS_PER_S
+}
+
+fn by_mcap(folder: &Path, messages: &Messages, sync_each: Option<Duration>) {
+    let file = File::create(folder.join("plain.mcap")).expect("a file");
+    let for_sync = file.try_clone().expect("a file");
     let mut writer = WriteOptions::new()
         .profile("ros2")
         .compression(Some(Compression::Zstd))
         .compression_threads(0)
         .chunk_size(Some(CHUNK_SIZE))
         .disable_seeking(true)
-        .create(NoSeek::new(file))
+        .create(NoSeek::new(BufWriter::new(file)))
         .expect("a writer");
     let ids: Vec<u16> = channels()
         .iter()
@@ -100,6 +126,7 @@ fn by_mcap(folder: &Path, messages: &Messages) {
             writer.add_channel(schema, &spec.topic, "cdr", &BTreeMap::new()).expect("a channel")
         })
         .collect();
+    let mut synced = Instant::now();
     for (time, topic, data) in messages {
         let header = mcap::records::MessageHeader {
             channel_id: ids[*topic],
@@ -108,9 +135,18 @@ fn by_mcap(folder: &Path, messages: &Messages) {
             publish_time: *time,
         };
         writer.write_to_known_channel(&header, data).expect("a message");
+        if sync_each.is_some_and(|interval| synced.elapsed() >= interval) {
+            writer.flush().expect("a chunk");
+            for_sync.sync_data().expect("a disk");
+            synced = Instant::now();
+        }
     }
     writer.finish().expect("an end");
     writer.into_inner().into_inner().flush().expect("an end");
+    if sync_each.is_some() {
+        for_sync.sync_all().expect("a disk");
+        File::open(folder).and_then(|folder| folder.sync_all()).expect("a disk");
+    }
 }
 
 fn by_bag_writer(folder: &Path, messages: &Messages) {
@@ -125,18 +161,29 @@ fn by_bag_writer(folder: &Path, messages: &Messages) {
     file.flush().expect("an end");
 }
 
-fn by_run_bag(folder: &Path, messages: &Messages) {
-    let bag = RunBag::create(RunBagOptions::new(folder, "run")).expect("a bag");
+fn by_run_bag(folder: &Path, messages: &Messages, syncs_each_flush: bool) {
+    let options = RunBagOptions {
+        syncs_each_flush,
+        flush_interval: FLUSH_INTERVAL,
+        ..RunBagOptions::new(folder, "run")
+    };
+    let bag = RunBag::create(options).expect("a bag");
     let indices: Vec<_> =
         channels().iter().map(|spec| bag.add_channel(spec).expect("a topic")).collect();
     for (time, topic, data) in messages {
         // A recorder does not wait; this bench does, to measure the disk.
-        while !bag.has_room() {
-            std::thread::sleep(Duration::from_micros(200));
-        }
+        wait_for_room(&bag);
         assert!(bag.write(indices[*topic], *time, *time, data.clone()));
     }
     assert!(bag.finish(Duration::from_secs(600)).complete);
+}
+
+/// Asks seldom: each time it takes the processor from the write thread. Half of the queue lasts
+/// for hundreds of milliseconds.
+fn wait_for_room(bag: &RunBag) {
+    while !bag.has_room() {
+        std::thread::sleep(Duration::from_millis(5));
+    }
 }
 
 /// A bag of this size in one file, a thousand messages a second.
@@ -149,9 +196,7 @@ fn large_bag(folder: &Path, size: u64) -> PathBuf {
         if number % 1000 == 0 && bag.status().bytes_written >= size {
             break;
         }
-        while !bag.has_room() {
-            std::thread::sleep(Duration::from_micros(200));
-        }
+        wait_for_room(&bag);
         let (topic, data) = load.message();
         assert!(bag.write(indices[topic], number * 1_000_000, number * 1_000_000, data));
     }
