@@ -165,7 +165,8 @@ pub enum Code {
     SuspiciousValue,
     /// The audit found a path that is not what its program asks for.
     ///
-    /// Do not run the path. Send the file that `internal_error` names.
+    /// Where it is an error, do not run the path, and plan the program again. Where it is a warning,
+    /// look at the path there: the tool does not fit.
     PathMismatch,
     /// The planner and the audit of its path disagree: a defect of Kerf.
     ///

@@ -2,6 +2,8 @@
 //!
 //! Knows no span, no profile and no program. Every tolerance of the planner is in `tolerance`.
 
+pub(crate) mod bounds;
+pub(crate) mod chains;
 pub(crate) mod distance;
 pub(crate) mod element;
 pub(crate) mod frame;

@@ -17,7 +17,7 @@ mod tool_file;
 
 use crate::tools::set_tool::{self, LoadedProgram, Refusal};
 use crate::tools::verdict::{Verdict, judge};
-use crate::walk::plan::{Plan, Planning, certificates};
+use crate::walk::plan::{Plan, Planning};
 use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::interface::Service;
 use cnc_msgs::tool_table::ToolTable;
@@ -32,7 +32,7 @@ use cnc_msgs::wire::{nav_msgs, visualization_msgs};
 use health::PlanSummary;
 use input::{Input, fetch};
 use live_offset::{Live, RunningPlan};
-use report::uncut_to_wire;
+use report::{Uncertified, uncut_to_wire};
 pub use report::{certify, manifest_of, report_of};
 use runtime::chunks::{ChunkTopic, Cut, page};
 use runtime::commands::{Answer, CommandLog};
@@ -166,7 +166,7 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
             match tokio::task::spawn_blocking(move || planner.plan()).await {
                 Ok(Some(planned)) => {
                     let planner = Arc::clone(&shared);
-                    tokio::task::spawn_blocking(move || planner.certify(planned));
+                    tokio::task::spawn_blocking(move || planner.find_certificates(planned));
                 }
                 Ok(None) => {}
                 Err(error) => tracing::error!("planning failed: {error}"),
@@ -217,13 +217,6 @@ struct PlannerState {
     live: Live,
     /// How long planning waits, until the path before it has been published.
     pause: Option<Duration>,
-}
-
-/// A plan that was reported without its certificates.
-struct Uncertified {
-    input: Input,
-    tools: ToolTable,
-    report: wire::CompensationReport,
 }
 
 /// The plan that is published.
@@ -416,30 +409,6 @@ impl Planner {
         }
         self.publish_report(report.clone());
         Some(Uncertified { input, tools, report })
-    }
-
-    /// Finds the valid radii, and publishes the report again with them. A newer program, another
-    /// tool and a deactivation end that.
-    fn certify(&self, Uncertified { input, tools, mut report }: Uncertified) {
-        let is_newest = || {
-            let state = self.state();
-            state.revision == report.revision && !state.is_due
-        };
-        let goes_on = || is_newest() && self.node.require_active().is_ok();
-        let found = certificates(&input.contour, &input.profile, &tools, &Threads::all(), &goes_on);
-        if goes_on() && !found.is_empty() {
-            certify(&mut report, &found);
-            self.publish_report(report);
-        }
-    }
-
-    /// Publishes a report unless a newer plan was reported meanwhile.
-    fn publish_report(&self, report: wire::CompensationReport) {
-        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
-        if report.revision >= *reported {
-            *reported = report.revision;
-            self.report.publish(report);
-        }
     }
 
     fn header(&self, input: &Input, stamp: RosTime) -> Header {

@@ -326,6 +326,9 @@ fn certificate_text(certificate: &Certificate, fits: bool) -> String {
     if more > 0 {
         limits.push(format!("{more} more"));
     }
+    if limits.is_empty() {
+        limits.push("beyond it not everything could be checked".into());
+    }
     // Truncated, not rounded: the printed radius fits.
     let cut = |radius_mm: f64| (radius_mm * 1e3).floor() / 1e3;
     let up_to = |radius_mm: f64| match cut(radius_mm) {
@@ -380,4 +383,38 @@ fn lines(first: u32, last: u32) -> String {
 /// `1 error`, `2 errors`.
 pub(crate) fn plural(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_certificate_says_where_it_ends_and_why() {
+        let certificate = |radius_mm, valid_to_mm| Certificate {
+            first_line: 3,
+            last_line: 12,
+            side: CutterSide::Left,
+            radius_mm,
+            valid_from_mm: 0.0,
+            valid_to_mm,
+            limited_by: Vec::new(),
+            leads_valid_to_mm: valid_to_mm,
+        };
+        let begin = "lines 3 to 12, tool on the left, radius 5.000 mm: ";
+        let unknown = "(beyond it not everything could be checked)";
+        for (valid_to_mm, end) in [
+            (f64::INFINITY, "good for any tool".to_owned()),
+            (
+                6.5,
+                format!(
+                    "good up to radius 6.500 mm {unknown}, with these leads up to radius 6.500 mm"
+                ),
+            ),
+            (0.0, format!("good for no tool {unknown}, with these leads for no tool")),
+        ] {
+            let text = certificate_text(&certificate(5.0, valid_to_mm), valid_to_mm > 5.0);
+            assert_eq!(text, format!("{begin}{end}"));
+        }
+    }
 }

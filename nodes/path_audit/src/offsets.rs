@@ -2,10 +2,12 @@
 //! order.
 //!
 //! `element_offset` checks one element against its leg; this file knows what comes before and
-//! after, and `sharp_corner` what a sharp corner takes away. Blocks that the path leaves out must be
-//! noise: as near to their lengthened neighbours as the profile accepts.
+//! after, `run` which line or circle an element is part of, and `sharp_corner` what a sharp corner
+//! takes away. Blocks that the path leaves out must be noise: as near to their lengthened
+//! neighbours as the profile accepts.
 
 mod element_offset;
+mod run;
 mod sharp_corner;
 
 use crate::blocks::chains::Chains;
@@ -17,6 +19,7 @@ use crate::offsets::element_offset::{
     ElementOnLeg, MERGE_MM, PLACE_MM, check_element, check_joint, check_reach, has_short_neighbour,
     meets_lead, off_circle, runs_on, unevenness,
 };
+use crate::offsets::run::{off_run, run};
 use crate::offsets::sharp_corner::is_corner_of_curves;
 use crate::report::{self, Report};
 use cnc_msgs::path::Role;
@@ -449,53 +452,4 @@ fn is_touched(leg: &Piece, at: Point, d_mm: f64, along: std::ops::RangeInclusive
         Some(round) => (at - round.center).norm() - (round.radius - d_mm * round.sweep.signum()),
     };
     off.abs() <= PLACE_MM && along.contains(&leg.along(at))
-}
-
-/// The line or circle that an element is part of, long enough to be lengthened, and its offset.
-fn run(
-    tool_path: &ToolPath<'_>,
-    on_leg: &ElementOnLeg,
-    chains: &Chains<'_>,
-    backwards: bool,
-) -> (Piece, f64) {
-    const LONG_MM: f64 = 1.0;
-    const STEPS_MAX: usize = 64;
-    if on_leg.leg.round.is_some() {
-        return (on_leg.leg, 0.0);
-    }
-    let d_mm = if backwards { on_leg.d_out } else { on_leg.d_in };
-    if on_leg.d_in != on_leg.d_out {
-        return (on_leg.leg, 0.0);
-    }
-    let mut run = on_leg.piece;
-    let mut element = on_leg.element;
-    for _ in 0..STEPS_MAX {
-        let next = if backwards { element.wrapping_sub(1) } else { element + 1 };
-        if run.length() >= LONG_MM || !chains.span.elements.contains(&next) {
-            break;
-        }
-        if tool_path.roles[next] != Role::Contour || tool_path.block_of[next] == NONE {
-            break;
-        }
-        let piece = chains.element(next);
-        let goes_on = if backwards { runs_on(&piece, &run) } else { runs_on(&run, &piece) };
-        if !goes_on || !piece.is_line() {
-            break;
-        }
-        run = if backwards {
-            Piece::line(piece.from, run.to)
-        } else {
-            Piece::line(run.from, piece.to)
-        };
-        element = next;
-    }
-    (run, d_mm)
-}
-
-/// How far a programmed point is from the contour that a run follows, mm.
-fn off_run(run: &Piece, point: Point, d_mm: f64) -> f64 {
-    match &run.round {
-        None => (cross(run.tangent(run.from), point - run.from) + d_mm).abs(),
-        Some(round) => ((point - round.center).norm() - round.radius).abs(),
-    }
 }

@@ -58,7 +58,7 @@ pub struct Certificate {
     /// The interval of radii, mm. The upper end is infinite when nothing limits it.
     pub valid_from_mm: f64,
     pub valid_to_mm: f64,
-    /// What limits the upper end.
+    /// What limits the upper end; nothing where larger radii could not be checked.
     pub limited_by: Vec<CertificateLimit>,
     /// The largest radius for which the leads are free, mm.
     pub leads_valid_to_mm: f64,

@@ -5,10 +5,12 @@
 //! that bends back to its neighbour. `reach` decides about what the tool cannot reach.
 
 use crate::check::walls::{BOX_REACHES, Walls};
+use crate::geometry::bounds::Bounds;
+use crate::geometry::chains::NO_CHAIN;
 use crate::geometry::distance::{Nearest, are_apart, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
-use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, boxes_of, budget};
+use crate::geometry::tree::{Tree, boxes_of, budget};
 use crate::span::chain::{ChainLink, Placed, Role};
 use crate::span::corner::{Corners, PIECES};
 use std::ops::ControlFlow;

@@ -5,11 +5,12 @@
 use crate::check::finding::{self, LeadCut};
 use crate::check::interference::{self, Joined};
 use crate::check::walls::Walls;
+use crate::geometry::bounds::Bounds;
 use crate::geometry::distance::{Nearest, nearest, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::frame::{height, in_work};
 use crate::geometry::tolerance::{CHORD_TURN_RAD, GOUGE_MM, LENGTH_MM, LOOP_MM};
-use crate::geometry::tree::{Bounds, budget};
+use crate::geometry::tree::budget;
 use crate::span::chain::Role;
 use crate::span::corner::PIECES;
 use crate::span::{Lead, Run, Span};

@@ -4,11 +4,12 @@
 //! the contour went back over itself, or posted coordinates jumped to and fro.
 
 use crate::check::retraced_runs::RetracedRuns;
+use crate::geometry::bounds::Bounds;
 use crate::geometry::distance::{are_apart, is_near};
 use crate::geometry::element::{Element, Vec2, cross};
 use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
-use crate::geometry::tree::{Bounds, Tree, boxes_of, budget};
+use crate::geometry::tree::{Tree, boxes_of, budget};
 use crate::span::Run;
 use std::ops::ControlFlow;
 

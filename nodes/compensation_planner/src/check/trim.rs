@@ -9,11 +9,13 @@ use crate::check::interference::{self, Cut, Joined, cut_places, element};
 use crate::check::lead::deepest_cut;
 use crate::check::reach::left_out;
 use crate::check::walls::Walls;
+use crate::geometry::bounds::Bounds;
+use crate::geometry::chains::NO_CHAIN;
 use crate::geometry::distance::is_on;
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
-use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, budget};
+use crate::geometry::tree::{Tree, budget};
 use crate::span::chain::{Placed, Role, joint};
 use std::ops::ControlFlow;
 

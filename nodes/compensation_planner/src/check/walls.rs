@@ -7,9 +7,11 @@
 
 use crate::check::retraced_runs::RetracedRuns;
 use crate::check::self_meeting::{PlaceOnRun, SelfMeeting, meetings, meetings_of_copies};
+use crate::geometry::bounds::Bounds;
+use crate::geometry::chains::{Chains, NO_CHAIN};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, MERGE_MM};
-use crate::geometry::tree::{Bounds, Chains, NO_CHAIN, Tree};
+use crate::geometry::tree::Tree;
 use crate::span::Run;
 use crate::span::chain::{ChainLink, Placed, Role};
 use cnc_msgs::finding::Severity;

@@ -3,11 +3,12 @@
 //! A binary tree in arrays: the lowest boxes hold a few consecutive elements each, or a part of a
 //! long one; every box above holds two. The lowest boxes are sorted along a Hilbert curve, so that
 //! a box above holds what is near in the plane: the turns of a spiral are far apart along the
-//! contour. A node also knows its *chain*: consecutive elements whose directions stay within a right
-//! angle. If the joints of a chain hold, its offset is nowhere too near to the chain itself. So
-//! pairs within a chain need no check; that makes long smooth contours cheap.
+//! contour. A node also knows the *chain* of its elements.
+//! Pairs within a chain need no check; that makes long smooth contours cheap.
 
-use crate::geometry::element::{Element, Vec2, cross};
+use crate::geometry::bounds::Bounds;
+use crate::geometry::chains::NO_CHAIN;
+use crate::geometry::element::Element;
 use crate::geometry::tolerance::LENGTH_MM;
 use std::ops::{ControlFlow, Range};
 
@@ -24,70 +25,6 @@ pub(crate) const LEAF: usize = 8;
 
 /// The most boxes of one element.
 const PARTS_MAX: f64 = 16.0;
-
-/// Belongs to no chain.
-pub(crate) const NO_CHAIN: u32 = u32::MAX;
-
-/// A box along the axes.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
-    low: Vec2,
-    high: Vec2,
-}
-
-impl Bounds {
-    /// Contains nothing.
-    pub(crate) const EMPTY: Self = Self {
-        low: Vec2::new(f64::INFINITY, f64::INFINITY),
-        high: Vec2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
-    };
-
-    /// The box around an element.
-    pub(crate) fn of(element: &Element) -> Self {
-        let (start, end) = (element.start(), element.end());
-        let mut bounds = Self { low: start.inf(&end), high: start.sup(&end) };
-        let Element::Arc(arc) = element else { return bounds };
-        if arc.faces(Vec2::x()) {
-            bounds.high.x = bounds.high.x.max(arc.center.x + arc.radius);
-        }
-        if arc.faces(-Vec2::x()) {
-            bounds.low.x = bounds.low.x.min(arc.center.x - arc.radius);
-        }
-        if arc.faces(Vec2::y()) {
-            bounds.high.y = bounds.high.y.max(arc.center.y + arc.radius);
-        }
-        if arc.faces(-Vec2::y()) {
-            bounds.low.y = bounds.low.y.min(arc.center.y - arc.radius);
-        }
-        bounds
-    }
-
-    fn is_empty(&self) -> bool {
-        self.low.x > self.high.x
-    }
-
-    pub(crate) fn union(self, other: Self) -> Self {
-        Self { low: self.low.inf(&other.low), high: self.high.sup(&other.high) }
-    }
-
-    /// The lesser of its extents, mm.
-    fn width(&self) -> f64 {
-        (self.high - self.low).min()
-    }
-
-    /// Its area, mm²; 0 when it holds nothing.
-    pub(crate) fn area(&self) -> f64 {
-        if self.is_empty() { 0.0 } else { (self.high - self.low).product() }
-    }
-
-    /// The square of the distance between two boxes, mm²; 0 when they overlap.
-    #[inline]
-    pub(crate) fn gap_squared(&self, other: &Self) -> f64 {
-        let x = (self.low.x - other.high.x).max(other.low.x - self.high.x).max(0.0);
-        let y = (self.low.y - other.high.y).max(other.low.y - self.high.y).max(0.0);
-        x * x + y * y
-    }
-}
 
 /// The boxes around the elements that share a lowest box.
 pub(crate) fn boxes_of<'a>(elements: impl Iterator<Item = &'a Element>) -> [Bounds; LEAF] {
@@ -393,65 +330,10 @@ impl Node {
     }
 }
 
-/// Gives elements in a row their chains.
-#[derive(Debug)]
-pub(crate) struct Chains {
-    chain: u32,
-    /// The rightmost and leftmost direction so far.
-    range: Option<(Vec2, Vec2)>,
-}
-
-impl Chains {
-    pub(crate) const fn new() -> Self {
-        Self { chain: 0, range: None }
-    }
-
-    /// The chain of the next element.
-    pub(crate) fn next(&mut self, element: &Element) -> u32 {
-        let fits = element.is_line()
-            || matches!(element, Element::Arc(arc) if arc.sweep < std::f64::consts::FRAC_PI_2);
-        let tangents = [element.start_tangent(), element.end_tangent()];
-        let widened = self
-            .range
-            .filter(|_| fits)
-            .and_then(|range| widen(widen(range, tangents[0])?, tangents[1]));
-        if widened.is_none() {
-            self.chain += 1;
-        }
-        self.range = match widened {
-            Some(range) => Some(range),
-            None if fits => widen((tangents[0], tangents[0]), tangents[1]),
-            None => None,
-        };
-        self.chain
-    }
-
-    /// The chain of the last element.
-    pub(crate) const fn current(&self) -> u32 {
-        self.chain
-    }
-
-    /// The next element begins a chain of its own.
-    pub(crate) fn cut(&mut self) {
-        self.range = None;
-    }
-}
-
-/// The range of directions with one more; `None` when it would be a right angle or more.
-fn widen((right, left): (Vec2, Vec2), tangent: Vec2) -> Option<(Vec2, Vec2)> {
-    if right.dot(&tangent) <= 0.0 || left.dot(&tangent) <= 0.0 {
-        return None;
-    }
-    let range = (
-        if cross(right, tangent) < 0.0 { tangent } else { right },
-        if cross(left, tangent) > 0.0 { tangent } else { left },
-    );
-    (range.0.dot(&range.1) > 0.0).then_some(range)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::element::Vec2;
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 
@@ -478,10 +360,18 @@ mod tests {
                 ControlFlow::Continue(())
             });
             prop_assert!(is_complete);
+            let mut seen_alone = BTreeSet::new();
+            for (i, one) in a.iter().enumerate() {
+                tree(&b).near_box(one, reach, &mut usize::MAX.clone(), |b| {
+                    seen_alone.extend(b.map(|b| (i, b)));
+                    ControlFlow::Continue(())
+                });
+            }
             for (i, one) in a.iter().enumerate() {
                 for (j, other) in b.iter().enumerate() {
                     let is_near = one.gap_squared(other) <= reach * reach;
                     prop_assert!(!is_near || seen.contains(&(i, j)), "{i} {j}");
+                    prop_assert!(!is_near || seen_alone.contains(&(i, j)), "{i} {j}");
                 }
             }
         }
@@ -533,44 +423,6 @@ mod tests {
         for pair in cells.windows(2) {
             let [[ax, ay], [bx, by]] = [pair[0].1, pair[1].1];
             assert_eq!(ax.abs_diff(bx) + ay.abs_diff(by), 1);
-        }
-    }
-
-    #[test]
-    fn a_chain_ends_before_its_directions_span_a_right_angle() {
-        let mut chains = Chains::new();
-        let directions = [0.0_f64, 40.0, -45.0, 30.0, 90.0, 120.0, 179.0, -1.0];
-        let numbers = directions.map(|degrees| {
-            let (y, x) = degrees.to_radians().sin_cos();
-            chains.next(&line(&[0.0, 0.0, x, y]))
-        });
-        assert_eq!(numbers, [1, 1, 1, 1, 2, 2, 2, 3]);
-    }
-
-    #[test]
-    fn the_box_of_an_arc_holds_it_and_is_no_larger() {
-        let at = |degrees: f64| {
-            let (y, x) = degrees.to_radians().sin_cos();
-            Vec2::new(x, y) * 5.0
-        };
-        for (from, degrees) in [0.0, 10.0, 130.0, 250.0, 355.0]
-            .into_iter()
-            .flat_map(|from| [1.0, 30.0, 89.0, 91.0, 181.0, 200.0, 359.0].map(|to| (from, to)))
-        {
-            for ccw in [true, false] {
-                let to = if ccw { from + degrees } else { from - degrees };
-                let arc = Element::arc(at(from), at(to), Vec2::zeros(), ccw, 0).expect("an arc");
-                let bounds = Bounds::of(&arc);
-                let points =
-                    (0..=3600).map(|step| arc.point_at(arc.length() * step as f64 / 3600.0));
-                let all = points.fold(Bounds::EMPTY, |all, point| Bounds {
-                    low: all.low.inf(&point),
-                    high: all.high.sup(&point),
-                });
-                let off = (all.low - bounds.low).sup(&(bounds.high - all.high));
-                let inside = (all.low - bounds.low).inf(&(bounds.high - all.high));
-                assert!(inside.min() > -1e-9 && off.max() < 1e-5, "{from} {degrees}: {off}");
-            }
         }
     }
 }

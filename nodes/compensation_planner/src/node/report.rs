@@ -1,18 +1,22 @@
-//! Turns a plan into messages: the report, and its findings page by page.
+//! Turns a plan into messages: the report, first without its certificates and then with them, and
+//! its findings page by page.
 
 use super::{Input, Planner};
 use crate::check::certificate::Certificate;
 use crate::check::uncut::UncutRegion;
 use crate::node::preview;
-use crate::walk::plan::Plan;
+use crate::node::threads::Threads;
+use crate::walk::plan::{Plan, certificates};
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::interface::Message;
+use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::units::{m_from_mm, m2_from_mm2, point_from_position};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetFindingsRequest, GetFindingsResponse};
 use runtime::RosTime;
+use std::sync::PoisonError;
 
 /// Findings of each severity in the report; `get_findings` returns the others.
 const FINDINGS_IN_REPORT: usize = 50;
@@ -20,6 +24,13 @@ const FINDINGS_IN_REPORT: usize = 50;
 const FINDINGS_BYTES_MAX: usize = 40_000;
 /// The most points of an outline in a message; beyond that the chords get longer.
 const OUTLINE_POINTS_MAX: usize = 1000;
+
+/// A plan that was reported without its certificates.
+pub(super) struct Uncertified {
+    pub(super) input: Input,
+    pub(super) tools: ToolTable,
+    pub(super) report: wire::CompensationReport,
+}
 
 /// The report of a plan; the caller fills in the header and the program.
 ///
@@ -76,6 +87,30 @@ impl Planner {
             revision,
             tool_table_revision,
             ..report_of(planned, self.chord_error_mm)
+        }
+    }
+
+    /// Finds the valid radii, and publishes the report again with them. A newer program, another
+    /// tool and a deactivation end that.
+    pub(super) fn find_certificates(&self, Uncertified { input, tools, mut report }: Uncertified) {
+        let is_newest = || {
+            let state = self.state();
+            state.revision == report.revision && !state.is_due
+        };
+        let goes_on = || is_newest() && self.node.require_active().is_ok();
+        let found = certificates(&input.contour, &input.profile, &tools, &Threads::all(), &goes_on);
+        if goes_on() && !found.is_empty() {
+            certify(&mut report, &found);
+            self.publish_report(report);
+        }
+    }
+
+    /// Publishes a report unless a newer plan was reported meanwhile.
+    pub(super) fn publish_report(&self, report: wire::CompensationReport) {
+        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
+        if report.revision >= *reported {
+            *reported = report.revision;
+            self.report.publish(report);
         }
     }
 

@@ -7,10 +7,12 @@
 
 use crate::check::finding::{self, OtherCut};
 use crate::check::interference;
+use crate::geometry::bounds::Bounds;
+use crate::geometry::chains::NO_CHAIN;
 use crate::geometry::distance::nearest_between;
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
-use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, boxes_of, budget};
+use crate::geometry::tree::{Tree, boxes_of, budget};
 use crate::span::{ItemKind, Run, Span};
 use crate::walk::compensate::{Exit, Solution};
 use crate::walk::span_index::SpanIndex;

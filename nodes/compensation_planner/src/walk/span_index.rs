@@ -1,6 +1,8 @@
 //! Finds the earlier spans that are near to a new one, among a hundred thousand.
 
-use crate::geometry::tree::{Bounds, NO_CHAIN, Tree, budget};
+use crate::geometry::bounds::Bounds;
+use crate::geometry::chains::NO_CHAIN;
+use crate::geometry::tree::{Tree, budget};
 use std::ops::ControlFlow;
 
 /// Spans that wait for a tree.
