@@ -327,6 +327,8 @@ impl Lexer<'_> {
 
     #[inline]
     fn block_number(&mut self, value: f64, start: usize, is_first: bool) {
+        // RS-274 has lines between two lines: N20.1.
+        let value = if self.rules.parameters { value.trunc() } else { value };
         if is_first && self.block.number.is_none() && (0.0..=NUMBER_MAX).contains(&value) {
             let number = value as u32;
             if f64::from(number) == value {

@@ -34,6 +34,7 @@ pub mod limits;
 #[cfg(feature = "node")]
 pub mod node;
 pub mod render;
+pub mod subroutines;
 pub mod upload;
 
 pub use bounds::Bounds;

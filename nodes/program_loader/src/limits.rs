@@ -31,8 +31,11 @@ pub const ARC_TURNS_MAX: f64 = 9_999.0;
 
 /// Steps of one hole (G73, G83).
 pub const CYCLE_MOVES_MAX: f64 = 10_000.0;
-/// How far a chip-breaking or peck cycle stays away from the last depth in rapid, mm (LinuxCNC).
-pub const PECK_CLEARANCE_MM: f64 = 0.254;
+/// How far a chip-breaking or peck cycle stays away from the last depth in rapid, in a metric
+/// program, mm (LinuxCNC).
+pub const PECK_CLEARANCE_MM: f64 = 0.25;
+/// The same in an inch program, mm.
+pub const PECK_CLEARANCE_INCH: f64 = 0.010 * MM_PER_INCH;
 
 /// Millimetres of an inch.
 pub const MM_PER_INCH: f64 = 25.4;
@@ -54,6 +57,9 @@ pub const ARC_R_SHORT_INCH: f64 = 0.000_05;
 pub const FULL_CIRCLE_RELATIVE: f64 = 1e-6;
 /// A G or M number must be this close to a tenth.
 pub const CODE_FUZZ: f64 = 1e-6;
+
+/// Files with subroutines that a program may call.
+pub const LIBRARY_FILES_MAX: usize = 500;
 
 /// Limits of programs with subroutines and loops.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -85,6 +85,14 @@ impl FlowMap {
         map
     }
 
+    /// The names of subroutines that are called and not defined.
+    pub(crate) fn undefined_calls(&self) -> impl Iterator<Item = &str> {
+        let calls = self.entries.iter().filter(|entry| entry.keyword == Keyword::Call);
+        calls.map(|entry| &*entry.name).filter(|name| {
+            !name.is_empty() && !self.subs.contains_key(*name) && !self.programs.contains_key(*name)
+        })
+    }
+
     /// The statement of the line that begins at this byte.
     pub(crate) fn find(&self, offset: usize) -> Option<usize> {
         self.entries.binary_search_by_key(&offset, |entry| entry.at.offset).ok()

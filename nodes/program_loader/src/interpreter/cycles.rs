@@ -1,11 +1,14 @@
-//! G73, G74, G81 to G86 and G89: drilling, boring and tapping cycles, written out as moves.
+//! G73, G74, G81 to G86, G88 and G89: drilling, boring and tapping cycles, written out as moves.
 //!
 //! As LinuxCNC does them, in each plane: R and the bottom are along the axis across the plane.
 //! Words stay in force while the same cycle is on. No cycle reaches a controller.
 
 use super::{FeedMode, Interpreter, Scene};
-use crate::dialect::{Distance, Group};
-use crate::limits::{COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, PECK_CLEARANCE_MM};
+use crate::dialect::{Distance, Group, Units};
+use crate::limits::{
+    COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, PECK_CLEARANCE_INCH,
+    PECK_CLEARANCE_MM,
+};
 use cnc_msgs::contour::{Action, MotionClass, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
@@ -27,6 +30,8 @@ pub(crate) enum Cycle {
     Bore,
     /// G86: waits, and comes out with the spindle stopped.
     BoreAndStop,
+    /// G88: waits, stops the spindle and the program, and comes out.
+    BoreAndWait,
     /// G89: waits, and feeds out.
     BoreAndDwell,
 }
@@ -43,6 +48,7 @@ impl Cycle {
             Self::Tap { left_hand: false } => 84,
             Self::Bore => 85,
             Self::BoreAndStop => 86,
+            Self::BoreAndWait => 88,
             Self::BoreAndDwell => 89,
         }
     }
@@ -51,7 +57,9 @@ impl Cycle {
     const fn needs(self) -> Option<u8> {
         match self {
             Self::ChipBreak | Self::Peck => Some(b'Q'),
-            Self::DrillAndDwell | Self::BoreAndStop | Self::BoreAndDwell => Some(b'P'),
+            Self::DrillAndDwell | Self::BoreAndStop | Self::BoreAndWait | Self::BoreAndDwell => {
+                Some(b'P')
+            }
             Self::Tap { .. } | Self::Drill | Self::Bore => None,
         }
     }
@@ -59,7 +67,11 @@ impl Cycle {
     const fn can_dwell(self) -> bool {
         matches!(
             self,
-            Self::DrillAndDwell | Self::BoreAndStop | Self::BoreAndDwell | Self::Tap { .. }
+            Self::DrillAndDwell
+                | Self::BoreAndStop
+                | Self::BoreAndWait
+                | Self::BoreAndDwell
+                | Self::Tap { .. }
         )
     }
 }
@@ -248,7 +260,7 @@ impl Interpreter<'_> {
         let wanted = match cycle {
             Cycle::Tap { left_hand: false } => self.modal.spindle == SpindleMode::Clockwise,
             Cycle::Tap { left_hand: true } => self.modal.spindle == SpindleMode::CounterClockwise,
-            Cycle::BoreAndStop => is_turning,
+            Cycle::BoreAndStop | Cycle::BoreAndWait => is_turning,
             _ => true,
         };
         if !wanted {
@@ -294,13 +306,17 @@ impl Interpreter<'_> {
                     self.axes.poison(AxisSet::NONE.with(across));
                     return false;
                 }
+                let clearance = match self.modal.units {
+                    Units::Millimetre => PECK_CLEARANCE_MM,
+                    Units::Inch => PECK_CLEARANCE_INCH,
+                };
                 let mut depth = plan.r - plan.step;
                 while depth > plan.bottom {
                     self.go(feed, hole, across, depth);
                     if plan.cycle == Cycle::Peck {
                         self.go(rapid, hole, across, plan.r);
                     }
-                    self.go(rapid, hole, across, depth + PECK_CLEARANCE_MM);
+                    self.go(rapid, hole, across, depth + clearance);
                     depth -= plan.step;
                 }
                 self.go(feed, hole, across, plan.bottom);
@@ -334,6 +350,15 @@ impl Interpreter<'_> {
                 self.act(Action::Spindle(SpindleMode::Off));
                 self.go(rapid, hole, across, plan.clear);
                 self.act(Action::Spindle(turning));
+            }
+            Cycle::BoreAndWait => {
+                let turning = self.modal.spindle;
+                self.go(feed, hole, across, plan.bottom);
+                self.act(Action::Dwell { seconds: plan.dwell });
+                self.act(Action::Spindle(SpindleMode::Off));
+                self.act(Action::Stop { optional: false });
+                self.act(Action::Spindle(turning));
+                self.go(rapid, hole, across, plan.clear);
             }
             Cycle::BoreAndDwell => {
                 self.go(feed, hole, across, plan.bottom);

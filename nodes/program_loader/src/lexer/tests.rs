@@ -85,7 +85,9 @@ fn the_block_number_is_first_even_after_block_delete() {
     }
     check_bad("G1 N10", "G1@0..2", &["syntax 4+3"]);
     check_bad("N1 N2", "", &["syntax 4+2"]);
-    check_bad("N1.5 G1", "G1@5..7", &["bad_number 1+4"]);
+    // RS-274 has lines between two lines.
+    assert_eq!(lex("N1.5 G1", Dialect::Rs274).1, Some(1));
+    assert_eq!(lex("N1.5 G1", Dialect::Nct).2, ["bad_number 1+4"]);
     check_bad("N-1", "", &["bad_number 1+3"]);
     check_bad("N999999999", "", &["bad_number 1+10"]);
 }
