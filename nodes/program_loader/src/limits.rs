@@ -31,11 +31,9 @@ pub const ARC_TURNS_MAX: f64 = 9_999.0;
 
 /// Steps of one hole (G73, G83).
 pub const CYCLE_MOVES_MAX: f64 = 10_000.0;
-/// How far a chip-breaking or peck cycle stays away from the last depth in rapid, in a metric
-/// program, mm (LinuxCNC).
-pub const PECK_CLEARANCE_MM: f64 = 0.25;
-/// The same in an inch program, mm.
-pub const PECK_CLEARANCE_INCH: f64 = 0.010 * MM_PER_INCH;
+/// How far a chip-breaking or peck cycle stays away from the last depth in rapid, mm: a hundredth
+/// of an inch (LinuxCNC).
+pub const PECK_CLEARANCE_MM: f64 = 0.254;
 
 /// Millimetres of an inch.
 pub const MM_PER_INCH: f64 = 25.4;

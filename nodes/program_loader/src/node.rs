@@ -205,8 +205,7 @@ impl Loader {
         let control: String = node.parameter("control");
         let flow = FlowLimits {
             blocks_max: node.parameter::<i64>("executed_blocks_max").unsigned_abs(),
-            depth_max: usize::try_from(node.parameter::<i64>("subroutine_depth_max"))
-                .unwrap_or(1),
+            depth_max: usize::try_from(node.parameter::<i64>("subroutine_depth_max")).unwrap_or(1),
         };
         let block_delete = node.parameter("block_delete");
         let options = LoadOptions { block_delete, flow, ..LoadOptions::default() };

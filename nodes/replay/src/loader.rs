@@ -90,8 +90,7 @@ pub(crate) fn flow(recording: &Recording) -> FlowLimits {
     let recorded = |name| parameter(recording, name).map(|value| value.integer_value);
     let standard = FlowLimits::default();
     FlowLimits {
-        blocks_max: recorded("executed_blocks_max")
-            .map_or(standard.blocks_max, i64::unsigned_abs),
+        blocks_max: recorded("executed_blocks_max").map_or(standard.blocks_max, i64::unsigned_abs),
         depth_max: recorded("subroutine_depth_max")
             .map_or(standard.depth_max, |most| most.unsigned_abs() as usize),
     }

@@ -45,9 +45,7 @@ impl Operator {
 
     /// The operator that the text begins with, and the bytes that it takes.
     pub(super) fn read(text: &[u8]) -> Option<(Self, usize)> {
-        Self::ALL
-            .iter()
-            .find_map(|&(name, operator)| Some((operator, spelled(text, name)?)))
+        Self::ALL.iter().find_map(|&(name, operator)| Some((operator, spelled(text, name)?)))
     }
 
     /// Higher ones are applied first; equal ones from left to right.
@@ -138,9 +136,7 @@ impl Function {
 
     /// The function that the text begins with, and the bytes that it takes.
     pub(super) fn read(text: &[u8]) -> Option<(Self, usize)> {
-        Self::ALL
-            .iter()
-            .find_map(|&(name, function)| Some((function, spelled(text, name)?)))
+        Self::ALL.iter().find_map(|&(name, function)| Some((function, spelled(text, name)?)))
     }
 
     pub(super) fn name(self) -> &'static str {
@@ -152,9 +148,8 @@ impl Function {
         if argument.is_nan() || second.is_some_and(f64::is_nan) {
             return Ok(f64::NAN);
         }
-        let outside = |allowed| {
-            Err(Trouble::OutOfDomain { function: self.name(), value: argument, allowed })
-        };
+        let outside =
+            |allowed| Err(Trouble::OutOfDomain { function: self.name(), value: argument, allowed });
         let is_ratio = (-1.0..=1.0).contains(&argument);
         let value = match self {
             Self::Abs => argument.abs(),

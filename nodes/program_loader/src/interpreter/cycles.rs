@@ -4,11 +4,8 @@
 //! Words stay in force while the same cycle is on. No cycle reaches a controller.
 
 use super::{FeedMode, Interpreter, Scene};
-use crate::dialect::{Distance, Group, Units};
-use crate::limits::{
-    COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, PECK_CLEARANCE_INCH,
-    PECK_CLEARANCE_MM,
-};
+use crate::dialect::{Distance, Group};
+use crate::limits::{COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, PECK_CLEARANCE_MM};
 use cnc_msgs::contour::{Action, MotionClass, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
@@ -185,7 +182,8 @@ impl Interpreter<'_> {
             self.below(scene, letter, r - shift, bottom - shift);
         }
         let in_plane = AxisSet::NONE.with(first).with(second);
-        let unnamed = in_plane.without(end.named).union(end.relative).union(AxisSet::NONE.with(across));
+        let unnamed =
+            in_plane.without(end.named).union(end.relative).union(AxisSet::NONE.with(across));
         let is_sound = self.relies(scene, unnamed) & self.has_feed(scene, MotionClass::Feed);
         words.last = Some(cycle);
         self.modal.cycle = words;
@@ -281,7 +279,8 @@ impl Interpreter<'_> {
         let scale = self.scale();
         let (r, bottom) = (r / scale, bottom / scale);
         let message = format!("the cycle feeds from R = {letter}{r} up to {letter}{bottom}");
-        let help = format!("R is the height from which the tool feeds down: write it above {letter}");
+        let help =
+            format!("R is the height from which the tool feeds down: write it above {letter}");
         self.report_block(scene, Code::BadNumber, message, &help);
     }
 
@@ -299,24 +298,22 @@ impl Interpreter<'_> {
             }
             Cycle::ChipBreak | Cycle::Peck => {
                 let steps = (plan.r - plan.bottom) / plan.step;
-                if !(steps <= CYCLE_MOVES_MAX) {
-                    let message = format!("the hole takes {steps:.0} steps; at most {CYCLE_MOVES_MAX} are accepted");
+                if steps.is_nan() || steps > CYCLE_MOVES_MAX {
+                    let message = format!(
+                        "the hole takes {steps:.0} steps; at most {CYCLE_MOVES_MAX} are accepted"
+                    );
                     let help = "look for a missing digit in Q";
                     self.report_block(scene, Code::Limit, message, help);
                     self.axes.poison(AxisSet::NONE.with(across));
                     return false;
                 }
-                let clearance = match self.modal.units {
-                    Units::Millimetre => PECK_CLEARANCE_MM,
-                    Units::Inch => PECK_CLEARANCE_INCH,
-                };
                 let mut depth = plan.r - plan.step;
                 while depth > plan.bottom {
                     self.go(feed, hole, across, depth);
                     if plan.cycle == Cycle::Peck {
                         self.go(rapid, hole, across, plan.r);
                     }
-                    self.go(rapid, hole, across, depth + clearance);
+                    self.go(rapid, hole, across, depth + PECK_CLEARANCE_MM);
                     depth -= plan.step;
                 }
                 self.go(feed, hole, across, plan.bottom);

@@ -162,8 +162,7 @@ fn a_block_sets_parameters_with_the_values_before_it() {
     let mut values = crate::parameters::Parameters::default();
     values.set(&Parameter::Numbered(1), 15.0).expect("a parameter");
     read(line, &dialect::of(Dialect::Rs274).lexer, &mut block, &mut findings, &values);
-    let set: Vec<_> =
-        block.assignments.iter().map(|it| (it.parameter.clone(), it.value)).collect();
+    let set: Vec<_> = block.assignments.iter().map(|it| (it.parameter.clone(), it.value)).collect();
     let name = Parameter::Named("depth".into());
     assert_eq!(set, [(Parameter::Numbered(1), 5.0), (name, 17.5)]);
     assert_eq!(block.words[1].value, 15.0);
