@@ -4,6 +4,7 @@
 //! one hash, is recorded whole, and can be replayed without the files. Knows which files are
 //! wanted, not where they are.
 
+use crate::findings::Findings;
 use crate::flow::FlowMap;
 use crate::limits::{LIBRARY_FILES_MAX, PROGRAM_BYTES_MAX};
 use cnc_msgs::profile::Profile;
@@ -24,31 +25,25 @@ pub fn with_subroutines(
     if !crate::dialect::of(profile.language.dialect).lexer.parameters {
         return text;
     }
-    let mut asked = BTreeSet::new();
+    let mut asked: BTreeSet<String> = BTreeSet::new();
     loop {
-        let missing: Vec<String> = FlowMap::of(&text, &mut crate::findings::Findings::default())
-            .undefined_calls()
-            .filter(|name| is_file_name(name) && !asked.contains(*name))
-            .map(str::to_owned)
-            .collect();
-        if missing.is_empty() {
-            return text;
-        }
-        for name in missing {
-            if asked.len() < LIBRARY_FILES_MAX
-                && let Some(file) = read(&name)
-                && text.len() + file.len() < PROGRAM_BYTES_MAX
-            {
-                // What ends a text ends a file as well.
-                let file = file.strip_suffix(b"\x1A").unwrap_or(&file);
-                if text.last().is_some_and(|&last| last != b'\n') {
-                    text.push(b'\n');
-                }
-                text.extend_from_slice(format!("(file {name}.ngc)\n").as_bytes());
-                text.extend_from_slice(file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file));
+        // One after the other: a file may define what the next one would have been read for.
+        let map = FlowMap::of(&text, &mut Findings::default());
+        let missing = map.undefined_calls().find(|name| is_file_name(name) && !asked.contains(*name));
+        let Some(name) = missing.map(str::to_owned) else { return text };
+        if asked.len() < LIBRARY_FILES_MAX
+            && let Some(file) = read(&name)
+            && text.len() + file.len() < PROGRAM_BYTES_MAX
+        {
+            // What ends a text ends a file as well.
+            let file = file.strip_suffix(b"\x1A").unwrap_or(&file);
+            if text.last().is_some_and(|&last| last != b'\n') {
+                text.push(b'\n');
             }
-            asked.insert(name);
+            text.extend_from_slice(format!("(file {name}.ngc)\n").as_bytes());
+            text.extend_from_slice(file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file));
         }
+        asked.insert(name);
     }
 }
 
@@ -87,6 +82,14 @@ mod tests {
             assemble(main, &[("pocket", pocket), ("hole", hole), ("own", "G0 X0")]),
             format!("{main}\n(file pocket.ngc)\n{pocket}(file hole.ngc)\n{hole}")
         );
+    }
+
+    #[test]
+    fn a_file_is_not_read_for_what_another_file_defines() {
+        let both = "o<a> sub\no<a> endsub\no<b> sub\no<b> endsub\n";
+        let main = "o<a> call\no<b> call\nM2\n";
+        let files = [("a", both), ("b", "o<b> sub\no<b> endsub\n")];
+        assert_eq!(assemble(main, &files), format!("{main}(file a.ngc)\n{both}"));
     }
 
     #[test]
