@@ -97,6 +97,12 @@ fn actions_are_the_words_of_grbl() {
         rapid,
         feed_mm_per_min: 120.0,
     };
+    let set_work_offset = |by_position| Action::SetWorkOffset {
+        system: 2,
+        axes: AxisSet::from_bits(0b101),
+        origin: [-1.5, 9.0, 4.0],
+        by_position,
+    };
     let lines = encode(actions(&[
         Action::SelectTool { tool: 3 },
         Action::ChangeTool { tool: 3 },
@@ -109,6 +115,10 @@ fn actions_are_the_words_of_grbl() {
         length(Some(3), 60.25),
         length(None, 0.0),
         Action::WorkOffset { system: 6 },
+        set_work_offset(false),
+        set_work_offset(true),
+        Action::StoreReference { second: false },
+        Action::StoreReference { second: true },
         Action::Dwell { seconds: 0.5 },
         Action::Stop { optional: false },
         Action::Stop { optional: true },
@@ -132,6 +142,10 @@ fn actions_are_the_words_of_grbl() {
             "G43.1Z60.25",
             "G49",
             "G59",
+            "G10L2P2X-1.5Z4",
+            "G10L20P2X-1.5Z4",
+            "G28.1",
+            "G30.1",
             "G4P.5",
             "M0",
             "G91G28Z0",
@@ -233,8 +247,18 @@ fn what_grbl_cannot_do_is_refused_with_its_line() {
             "line 7: the dwell of NaN s is not between 0 and 86400 s",
         ),
         (
-            Action::WorkOffset { system: 7 },
-            "line 7: work system 7 does not exist: 1 to 6 are G54 to G59",
+            Action::WorkOffset { system: 10 },
+            "line 7: work system 10 does not exist: 1 to 9 are G54 to G59.3",
+        ),
+        (Action::WorkOffset { system: 7 }, "line 7: this controller has no G59.1"),
+        (
+            Action::SetWorkOffset {
+                system: 1,
+                axes: AxisSet::ALL,
+                origin: [0.0, f64::NAN, 0.0],
+                by_position: false,
+            },
+            "line 7: YNaN is not between -10000 and 10000 mm, the limit of position_mm_max",
         ),
         (
             Action::ToolLength { offset: Some(1), length_mm: 1e6 },
