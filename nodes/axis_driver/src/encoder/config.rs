@@ -28,7 +28,7 @@ pub struct EncoderConfig {
     /// Whether the controller changes tools itself (`M6`), where it can.
     #[serde(default)]
     pub controller_changes_tools: bool,
-    /// What the controller can home; it tells.
+    /// What the controller can home; it reports this.
     #[serde(default)]
     pub homing: Homing,
     /// What the controller said of itself, as far as it decides how arcs are drawn.
