@@ -24,7 +24,7 @@ HERE = pathlib.Path(__file__).parent
 INCLUDE = "{http://www.w3.org/2001/XInclude}include"
 SERVICES_OF_ACTION = ["send_goal", "cancel_goal", "get_result"]
 TOPICS_OF_ACTION = ["feedback", "status"]
-# Every participant tells of its endpoints there.
+# Every participant announces its endpoints there.
 EVERYBODY = "ros_discovery_info"
 
 

@@ -1,6 +1,6 @@
 //! What the numbers of the firmware mean, in our words.
 //!
-//! `error:N` and `ALARM:N` are worded here and told apart by what they leave behind;
+//! `error:N` and `ALARM:N` are worded here and distinguished by what follows from them;
 //! `$n` is named in [`settings`]. Errors 1 to 17 and 20 to 37 and alarms 1 to 9 mean the
 //! same on grbl 1.1, grblHAL and FluidNC; the others belong to one firmware each and are
 //! read with its column alone. A number that nobody lists stays a number.

@@ -301,7 +301,7 @@ impl Encoder {
         DrawingFrame { offset_mm, tolerance_mm: arc_tolerance_mm }
     }
 
-    /// Refuses a coordinate that the controller cannot tell from those beside it.
+    /// Rejects a coordinate that the controller cannot distinguish from its neighbours.
     fn refuse_coarse(&self, axis: usize, value: f64) -> Result<(), EncodeProblem> {
         let in_machine = value + self.drawing_frame().offset_mm[axis];
         let step = f64::from(last_place(in_machine as f32));

@@ -1,4 +1,4 @@
-//! The record of everything the driver was told and wrote, and its repetition.
+//! The record of everything the driver received and wrote, and its repetition.
 //!
 //! Entries carry the driver's inputs with their times, and the bytes that it wrote.
 //! A path is not in the record: the entry of a run names program and revision, and

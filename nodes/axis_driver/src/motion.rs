@@ -45,7 +45,7 @@ const FACE_ENDS_WITHIN: Duration = Duration::from_secs(28);
 /// The same with what this process does without a face. `kerf up` and systemd kill it after 40 s.
 pub const ALL_ENDS_WITHIN: Duration = Duration::from_secs(38);
 
-/// Runs the driver until it is told to stop.
+/// Runs the driver until it is asked to stop.
 ///
 /// `program` are the words with which this executable becomes this node: none for a program
 /// of its own, `node axis_driver` for `kerf`.

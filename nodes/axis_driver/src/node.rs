@@ -63,7 +63,7 @@ const IDS_UNSEEN_MAX: u64 = 1_000;
 /// How long a hold, a resume or an unlock may take to be answered.
 const REPLY_WITHIN: Duration = Duration::from_secs(10);
 
-/// Runs the node until it is told to stop: the motion process, which starts this executable
+/// Runs the node until it is asked to stop: the motion process, which starts this executable
 /// once more for its ROS side. `program` are the words that make it this node.
 pub fn main(program: &[&str], args: Vec<String>) -> ExitCode {
     if std::env::var_os(FACE_VARIABLE).is_some() {
@@ -344,7 +344,7 @@ impl RemoteDriver {
     }
 
     /// The same, unless somebody wanted the machine to stop since there were so many wishes:
-    /// what was still being prepared then does not begin behind it.
+    /// what was still being prepared then does not begin after it.
     async fn ask_unless_stopped(
         &self,
         stops: Stops,

@@ -84,7 +84,7 @@ impl Serial {
         self.inbox.push_control(Control::Open)
     }
 
-    /// Closes the port as it is; it is not reopened until told.
+    /// Closes the port as it is; it is reopened only on request.
     pub fn close(&self) -> Result<(), Full> {
         self.inbox.push_control(Control::Close)
     }

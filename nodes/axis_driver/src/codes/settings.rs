@@ -33,7 +33,7 @@ const GRBL: &[SettingRow] = &[
 ];
 
 /// Four settings for each axis, from these numbers on. A, B and C are in degrees
-/// where the controller is told that they turn.
+/// where the controller knows that they turn.
 #[rustfmt::skip]
 const AXES: [(u16, [&str; 6], &str, &str); 4] = [
     (100, [

@@ -31,7 +31,7 @@ pub struct EncoderConfig {
     /// Whether the controller has G59.1 to G59.3.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub has_nine_work_systems: bool,
-    /// What the controller can home; it tells.
+    /// What the controller can home; it reports this.
     #[serde(default)]
     pub homing: Homing,
     /// What the controller said of itself, as far as it decides how arcs are drawn.

@@ -193,7 +193,7 @@ pub(super) fn read(steps: i64) -> f32 {
     while decimals > 0 && digits % 10 == 0 {
         (digits, decimals) = (digits / 10, decimals - 1);
     }
-    // What does not fit is cut off at the end, which is behind the point.
+    // What does not fit is cut off at the end, which is after the point.
     while decimals > 0 && digits >= 10u64.pow(DIGITS_MAX) {
         (digits, decimals) = (digits / 10, decimals - 1);
     }

@@ -5,7 +5,7 @@
 //! it have set is sent first: tool (to be
 //! confirmed), work system, tool length, spindle, coolant. Dwells, stops and moves are
 //! not repeated. The tool must stand where that element starts, in all axes, which is
-//! looked at behind the words that move the frame; or, where a height is given at which
+//! checked after the words that move the frame; or, where a height is given at which
 //! it is clear of everything, it is lifted there before anything else, goes over the
 //! place, and down to it at feed rate. Under compensation it comes down at a point of the
 //! compensated path, along its own axis, so that the plunge removes only what the path
@@ -36,7 +36,7 @@ pub enum StartProblem {
     )]
     UnderCompensation {
         line: u32,
-        /// Where that begins, and the first behind its end.
+        /// The first line of the compensation, and the first one after its end.
         before: u32,
         after: Option<u32>,
     },

@@ -62,7 +62,7 @@ impl Ring {
             self.checkpoint = entry.sequence;
         }
         let size = HEADER_BYTES + entry.data.len();
-        // Behind a gap, too, a block begins: in one the numbers are counted.
+        // A block begins after a gap, too: in one the numbers are counted.
         let goes_on = |block: &Block| {
             block.end() == entry.sequence && block.bytes.len() + size <= block.bytes.capacity()
         };

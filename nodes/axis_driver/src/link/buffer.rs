@@ -9,8 +9,8 @@
 //!   that, all is held but what the controller had read, and it reads no further than the
 //!   end of the line that it answers next. Less means that an answer was lost, or a line.
 //!
-//! The second needs a controller that tells the size of its buffer and reads line by line
-//! out of it, as grbl and grblHAL do; FluidNC reads ahead and tells no size. And it needs
+//! The second needs a controller that reports the size of its buffer and reads line by line
+//! out of it, as grbl and grblHAL do; FluidNC reads ahead and reports no size. And it needs
 //! requests and reports in step: each report is taken for the answer to the oldest request
 //! that has none. Where a request was lost that is one too old, which proves less and
 //! nothing wrong; where reports come unasked, there is soon one more of them than

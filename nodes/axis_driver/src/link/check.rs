@@ -12,7 +12,7 @@
 //! are fast, checks keep to their interval, so that their answers leave the line to others.
 //!
 //! grblHAL passes over all lines after one that it refuses, until it takes one; and it takes a
-//! `$G`. What is behind the check would be cut without the refused line. So nothing is sent behind
+//! `$G`. What follows the check would be cut without the refused line. So nothing is sent after
 //! a check there until all lines before it are answered. The planner is full meanwhile, or the
 //! lines are so fast that this takes no longer than the way there and back.
 
@@ -36,7 +36,7 @@ pub(super) struct LineCheck {
     lines_since: u32,
     /// A `[GC:...]` came, and no answer since.
     is_announced: bool,
-    /// Nothing may be sent behind a check before it is the oldest that is not answered.
+    /// Nothing may be sent after a check before it is the oldest that is not answered.
     must_be_first: bool,
 }
 

@@ -18,7 +18,7 @@ pub struct LinkConfig {
     pub baud: u32,
     /// What is queued before a real-time byte takes at most this long on the wire, ms.
     pub hold_latency_ms_max: u32,
-    /// The size of the receive buffer where the controller does not tell it, bytes; where
+    /// The size of the receive buffer where the controller does not report it, bytes; where
     /// it does, the smaller of the two holds.
     pub receive_buffer_bytes: Option<u16>,
     /// Time between two status requests, ms.

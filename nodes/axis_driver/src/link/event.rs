@@ -1,4 +1,4 @@
-//! What a link tells its owner.
+//! What a link reports to its owner.
 
 use crate::firmware::Firmware;
 use crate::report::{Message, StatusReport};

@@ -103,7 +103,7 @@ impl Health {
 
     pub(super) fn on_answer(&mut self) {
         self.idle_since = None;
-        // Whoever answers lines is there; on a slow line its report waits behind answers.
+        // Whoever answers lines is there; on a slow line its report waits until the answers are sent.
         self.missed = 0;
     }
 

@@ -144,7 +144,7 @@ impl Face {
     fn on_end(&mut self, hub: &Hub, status: ExitStatus, is_stopping: bool) -> Ended {
         let Some(running) = self.running.take() else { return Ended::No };
         let code = exit_code(status, is_stopping && running.is_killed);
-        // It was told to end, by its lifecycle or by a signal; or it cannot begin at all.
+        // Its lifecycle or a signal asked it to end, or it cannot begin at all.
         if is_stopping || status.success() || !self.was_ready {
             return Ended::AsAsked(code);
         }

@@ -94,7 +94,7 @@ fn connect(path: &Path) -> io::Result<UnixStream> {
     within(CONNECT_WITHIN, move || UnixStream::connect(path))
 }
 
-/// Does what has no deadline of its own. Its thread stays behind when time is up, until it is
+/// Does what has no deadline of its own. Its thread stays when time is up, until it is
 /// done or this process ends.
 fn within<T: Send + 'static>(
     patience: Duration,

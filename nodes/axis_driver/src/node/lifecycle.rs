@@ -1,7 +1,7 @@
 //! What the states of the driver mean.
 //!
 //! Configured is: the port is in its care. Whether there is a controller behind it is
-//! told by `machine_state`, not by the lifecycle: a line comes and goes while the driver
+//! reported by `machine_state`, not by the lifecycle: a line comes and goes while the driver
 //! lives, and is opened again by itself. Active is: goals and motion are taken up.
 
 use super::RemoteDriver;

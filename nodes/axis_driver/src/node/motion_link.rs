@@ -161,7 +161,7 @@ impl MotionLink {
         self.send(&[ToMotion::Open]);
     }
 
-    /// Closes the port as it is; it is not reopened until told.
+    /// Closes the port as it is; it is reopened only on request.
     pub(super) fn close(&self) {
         self.send(&[ToMotion::Close]);
     }

@@ -13,7 +13,7 @@ pub(super) fn holds_a_line_border(inside: &[u8]) -> bool {
     BORDERS.iter().any(|border| inside.windows(border.len()).any(|bytes| bytes == *border))
 }
 
-/// Whether an answer hangs behind a value: `500.000ok`, `1error:2`. A word that ends in
+/// Whether an answer directly follows a value: `500.000ok`, `1error:2`. A word that ends in
 /// `ok` is a word.
 pub(super) fn ends_in_an_answer(value: &str) -> bool {
     let is_number_and_ok = value

@@ -1,4 +1,4 @@
-//! Lines in square brackets: what the controller tells of itself and of what it did.
+//! Lines in square brackets: what the controller reports of itself and of what it did.
 //!
 //! All of them are pushed or belong to a question; none of them is an answer.
 
@@ -12,7 +12,7 @@ pub enum Message {
     /// `[VER:1.1h.20190830:]`
     Version(String),
     /// `[OPT:VNML+,100,1024,3,0]`: build letters, planner blocks, receive buffer in bytes,
-    /// axes and tools. grbl tells the first three, FluidNC the letters alone.
+    /// axes and tools. grbl reports the first three, FluidNC the letters alone.
     Options {
         letters: String,
         planner_blocks: Option<u16>,
@@ -37,7 +37,7 @@ pub enum Message {
     Probe { position: Position, has_touched: bool },
     /// `[G54:0.000,0.000,0.000]`, also G28, G30 and G92; mm.
     Offset { name: String, position: Position },
-    /// `[TLO:0.000]`, mm. Where it is told for each axis, the one farthest from zero.
+    /// `[TLO:0.000]`, mm. Where it is reported for each axis, the one farthest from zero.
     ToolLength(f64),
     /// `[SETTING:110|10|X-axis maximum rate|mm/min|6|...]`: what the controller calls a
     /// setting; the unit is empty where it has none.
@@ -52,7 +52,7 @@ pub enum Message {
     Other(String),
 }
 
-/// How serious FluidNC calls a text; grbl and grblHAL do not tell.
+/// How serious FluidNC calls a text; grbl and grblHAL do not say it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Severity {
     Debug,

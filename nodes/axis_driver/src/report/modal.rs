@@ -1,4 +1,4 @@
-//! The words in force, as `$G` tells them: `G0 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0`.
+//! The words in force, as `$G` reports them: `G0 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0`.
 
 use super::number::{parse_number, parse_work_system};
 use cnc_msgs::contour::SpindleMode;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct ModalWords {
     /// 1 to 6 for G54 to G59, 7 to 9 for G59.1 to G59.3.
     pub work_system: Option<u8>,
-    /// G43, G43.1 or G43.2 instead of G49; grbl and FluidNC do not tell.
+    /// G43, G43.1 or G43.2 instead of G49; grbl and FluidNC do not report it.
     pub has_tool_length: Option<bool>,
     pub spindle: Option<SpindleMode>,
     pub flood: bool,
@@ -26,7 +26,7 @@ pub struct ModalWords {
 }
 
 impl ModalWords {
-    /// Reads what stands behind `GC:`; words that are not known here are passed over.
+    /// Reads what follows `GC:`; unknown words are skipped.
     pub fn read(words: &str) -> Self {
         let mut modal = Self::default();
         for word in words.split_ascii_whitespace() {

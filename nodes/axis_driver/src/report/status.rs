@@ -107,7 +107,7 @@ pub struct StatusReport {
 }
 
 impl StatusReport {
-    /// Whether an axis may be moving, or will without being told again.
+    /// Whether an axis may be moving, or will move without another command.
     pub fn is_moving(&self) -> bool {
         match self.state {
             ControllerState::Run | ControllerState::Jog | ControllerState::Home => true,
@@ -122,7 +122,7 @@ impl StatusReport {
         matches!(self.state, ControllerState::Hold | ControllerState::Door) && !self.is_moving()
     }
 
-    /// What is on, where this report tells; `None` leaves it as it was.
+    /// What is on, where this report says it; `None` leaves it as it was.
     ///
     /// Some firmwares leave it out next to the overrides when all is off; with the others only what
     /// is printed counts.

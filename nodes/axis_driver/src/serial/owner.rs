@@ -178,7 +178,7 @@ impl Owner {
         self.reopen = Some((self.epoch.elapsed() + pause, (pause * 2).min(most)));
     }
 
-    /// Tells the driver once for each reason.
+    /// Reports each reason to the driver once.
     fn report_closed(&mut self, reason: String) {
         if self.last_reason != reason {
             self.last_reason.clone_from(&reason);

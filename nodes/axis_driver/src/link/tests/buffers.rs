@@ -152,7 +152,7 @@ fn a_slow_line_never_shows_which_request_a_report_answers() {
 
 #[test]
 fn reports_are_compared_with_requests_only_where_that_says_something() {
-    // FluidNC tells no size and reads ahead.
+    // FluidNC reports no size and reads ahead.
     let mut reading_ahead = started();
     reading_ahead.set_receive_bytes(None);
     for now in [200, 400, 600, 800] {
