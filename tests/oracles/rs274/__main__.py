@@ -211,7 +211,7 @@ def report(results, allowed):
                 outcome = "on purpose"
             elif not (outcome == "Kerf refuses" and any(
                     re.search(it, result.feature) for it in allowed)):
-                faults.append(f"{outcome.upper()}: {result.name}: {result.words}")
+                faults.append(f"{outcome.upper()}: {result.name}: {result.words[:300]}")
         rows[result.feature][outcome] += 1
         faults.extend(f"NOT NOTICED: {what}: {result.name}" for what, found in result.changes
                       if not found)

@@ -47,6 +47,11 @@ BAD = {
                                "G41 D99", "M61 Q99", "M61", "G10", "G10 L9 P1", "G10 L2 P99 X1",
                                "G10 L2 X1", "G43 H1.5", "M66", "M62", "G33 Z1", "G38.2",
                                "G92", "G53 X1", "G53 G2 X1 I1"],
+    "jumps out of repeat": ["o1 repeat [3]\no1 break\no1 endrepeat",
+                            "o1 repeat [3]\no1 continue\no1 endrepeat"],
+    "two of a group again": ["M7 M8", "M72"],
+    "L with G74": ["M4 S100\nG74 X1 Z-1 R1 L2"],
+    "F forgotten at G94": ["G94\nG1 X5", "G95\nG1 X5"],
     "jumps out of a sub": ["o1 sub\no2 while [1]\no1 return\no2 endwhile\no1 endsub\no9 call",
                            "o1 sub\no1 break\no1 endsub\no1 call", "o5 return", "M99 P1 X1"],
 }

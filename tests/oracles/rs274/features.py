@@ -251,6 +251,7 @@ class Flow:
         self.program, self.rng = program, rng
         self.labels = 100
         self.budget = 40
+        self.does = set()
 
     def label(self):
         self.labels += 1
@@ -279,7 +280,9 @@ class Flow:
             if in_loop:
                 label = self.label()
                 self.line(depth, f"{label} if {condition(rng)}")
-                self.line(depth + 1, f"{in_loop} {rng.choice(['break', 'continue'])}")
+                # At continue, a do begins again without a test, for ever.
+                words = ["break"] if in_loop in self.does else ["break", "continue"]
+                self.line(depth + 1, f"{in_loop} {rng.choice(words)}")
                 self.line(depth, f"{label} endif")
             elif in_sub:
                 label = self.label()
@@ -306,7 +309,8 @@ class Flow:
         counter = f"#{self.labels}"
         if kind == "repeat":
             self.line(depth, f"{label} repeat [{rng.randint(0, 4)}]")
-            self.block(depth + 1, label, in_sub)
+            # It has neither break nor continue.
+            self.block(depth + 1, None, in_sub)
             self.line(depth, f"{label} endrepeat")
             return
         self.line(depth, f"{counter}=0")
@@ -314,6 +318,7 @@ class Flow:
         if kind == "while":
             self.line(depth, f"{label} while [{counter} LT {times}]")
         else:
+            self.does.add(label)
             self.line(depth, f"{label} do")
         self.line(depth + 1, f"{counter}=[{counter} + 1] #1=[#1 + 1]")
         self.block(depth + 1, label, in_sub)
@@ -350,6 +355,14 @@ feature("flow if", 120)(flow_of(["if"], 0))
 feature("flow while", 120)(flow_of(["while"], 0))
 feature("flow do", 120)(flow_of(["do"], 0))
 feature("flow repeat", 120)(flow_of(["repeat"], 0))
+
+
+@feature("flow do and continue", 20)
+def do_continue(program, rng):
+    program.add("#3=0", "o1 do", "  #3=[#3 + 1]", f"  o2 if [#3 LT {rng.randint(1, 6)}]",
+                "    o1 continue", "  o2 endif", "  G1 X#3", f"o1 while [#3 LT {rng.randint(1, 8)}]",
+                "G0 Y#3")
+    program.scales = False
 
 
 @feature("flow mixed", 250)
@@ -475,7 +488,8 @@ def cycle(name, plane):
         if rng.random() < 0.7:
             words += [f"{axis}{length(rng.randint(-20, 20))}" for axis in axes[:2]
                       if rng.random() < 0.8]
-        if rng.random() < 0.25:
+        # LinuxCNC takes no L with G74.
+        if rng.random() < 0.25 and name != 74:
             words.append(f"L{rng.randint(1, 3)}")
         if rng.random() < 0.2:
             words.append("F300")
@@ -489,7 +503,7 @@ def cycle(name, plane):
                 words.append(f"{axes[2]}{length(bottom - rng.randint(0, 3))}")
             if rng.random() < 0.2:
                 words.append(f"R{length(r + (0 if incremental else rng.randint(0, 2)))}")
-            if rng.random() < 0.15:
+            if rng.random() < 0.15 and name != 74:
                 words.append(f"L{rng.randint(1, 3)}")
             if rng.random() < 0.2:
                 words.insert(0, rng.choice(["G98", "G99"]))
@@ -759,7 +773,7 @@ def diameters(program, rng):
 def splines(program, rng):
     program.scales = False
     program.add("G0 X0 Y0", rng.choice([
-        "G5 I0 J3 P0 Q-3 X1 Y1", "G5.1 X4 Y4 I2", "G5.2 P1 L3 X0 Y1\nX2 Y2 P1\nX4 Y0 P1\nG5.3"]),
+        "G5 I0 J3 P0 Q-3 X1 Y1", "G5.1 X4 Y4 I2 J1", "G5.2 P1 L3 X0 Y1\nX2 Y2 P1\nX4 Y0 P1\nG5.3"]),
         "G1 X10 Y10")
 
 
@@ -792,7 +806,7 @@ def functions_of_machine(program, rng):
         program.add(rng.choice([
             f"S{rng.randint(1, 240)}00", "M3", "M4", "M5", "M7", "M8", "M9", "M3 S500", "M8 M3",
             f"M3 S{rng.randint(1, 99)}0 {move(rng)}", f"M5 {move(rng)}", f"M9 M5 {move(rng)}",
-            move(rng), move(rng), "M7 M8"]))
+            move(rng), move(rng)]))
 
 
 @feature("tools", 120)
@@ -860,9 +874,9 @@ def outputs(program, rng):
 def saved(program, rng):
     def change():
         return rng.choice(["G91", "G20", "G18", "F50", "S700", "G61", "G55", "G99", "M8", "M3 S1000"])
-    program.add("o100 sub", rng.choice(["  M73", "  M70", "  (nothing)"]), f"  {change()}",
-                f"  {change()}", f"  {move(rng)}", rng.choice(["  M72", "  (nothing)", "  M71"]),
-                "o100 endsub", f"{change()}", "o100 call", move(rng), move(rng))
+    begin, end = rng.choice([("M73", ""), ("M70", "M72"), ("M70", "M71"), ("", ""), ("M70", "")])
+    program.add("o100 sub", f"  {begin}", f"  {change()}", f"  {change()}", f"  {move(rng)}",
+                f"  {end}", "o100 endsub", f"{change()}", "o100 call", move(rng), move(rng))
     if rng.random() < 0.4:
         program.add("M70", change(), change(), move(rng), "M72", move(rng))
 
@@ -874,8 +888,9 @@ def modal(program, rng):
         words = rng.sample(["G90", "G17", "G94", "G40", "G49", "G80", "G64", "G54", "M9", "M5",
                             "S500", "F200", "G98", "G91.1"], rng.randint(1, 6))
         if "G80" not in words:
-            words += [f"G{rng.randint(0, 1)}"] + axis_words(rng).split()
+            words += ["G0"] + axis_words(rng).split()
         rng.shuffle(words)
         program.add(rng.choice([" ", ""]).join(words) if all("#" not in it for it in words)
                     else " ".join(words))
-        program.add(move(rng), axis_words(rng))
+        # LinuxCNC forgets F at G94.
+        program.add(f"F{rng.randint(1, 9)}00", move(rng), axis_words(rng))
