@@ -160,7 +160,7 @@ pub enum Action {
     /// `G43 H` and `G49`: the tool length offset; the loader gives the number
     /// (`None`: cancel), the planner fills in the length from the tool table.
     ToolLength { offset: Option<u32>, length_mm: f64 },
-    /// `G54` to `G59`: 1 to 6. Positions after it are in that system.
+    /// `G54` to `G59.3`: 1 to 9. Positions after it are in that system.
     WorkOffset { system: u8 },
     /// `G4`, seconds.
     Dwell { seconds: f64 },
@@ -170,6 +170,12 @@ pub enum Action {
     Stop { optional: bool },
     /// `G28`, or `G30` when second: these axes go to the stored position.
     Reference { axes: AxisSet, second: bool },
+    /// `G10 L2`, or `G10 L20` when `by_position`: the controller stores the origin of a work
+    /// system, 1 to 9, in machine coordinates, or so that the position now reads this, mm; only the
+    /// axes that are named.
+    SetWorkOffset { system: u8, axes: AxisSet, origin: Position, by_position: bool },
+    /// `G28.1`, or `G30.1` when second: the controller stores where it is.
+    StoreReference { second: bool },
     /// `G53`: a move in machine coordinates, mm; only the axes that are named.
     MachineMove { target: Position, axes: AxisSet, rapid: bool, feed_mm_per_min: f64 },
     /// These axes are homed; the machine decides where they are afterwards.
@@ -211,6 +217,8 @@ impl Action {
             | Self::Reference { .. }
             | Self::Home { .. }
             | Self::ExactStop
+            | Self::SetWorkOffset { .. }
+            | Self::StoreReference { .. }
             | Self::MachineMove { .. } => "aux",
         }
     }
@@ -229,7 +237,7 @@ impl Action {
             Self::ChangeTool { .. } => "M6".into(),
             Self::ToolLength { offset: Some(offset), .. } => format!("G43 H{offset}"),
             Self::ToolLength { offset: None, .. } => "G49".into(),
-            Self::WorkOffset { system } => format!("G{}", 53 + u32::from(system)),
+            Self::WorkOffset { system } => work_system(system),
             Self::Dwell { seconds } => format!("G4 P{seconds}"),
             Self::Auxiliary { letter, number } => format!("{letter}{number}"),
             Self::Stop { optional: false } => "M0".into(),
@@ -238,16 +246,31 @@ impl Action {
                 format!("G{} {}", if second { 30 } else { 28 }, axes.letters())
             }
             Self::MachineMove { target, axes, rapid, .. } => {
-                let mut text = format!("G53 G{}", u8::from(!rapid));
-                for axis in (0..3).filter(|&axis| axes.contains(axis)) {
-                    text += &format!(" {}{}", crate::geometry::AXIS_LETTERS[axis], target[axis]);
-                }
-                text
+                format!("G53 G{}{}", u8::from(!rapid), axis_words(axes, target))
             }
+            Self::SetWorkOffset { system, axes, origin, by_position } => {
+                let mode = if by_position { 20 } else { 2 };
+                format!("G10 L{mode} P{system}{}", axis_words(axes, origin))
+            }
+            Self::StoreReference { second } => if second { "G30.1" } else { "G28.1" }.into(),
             Self::Home { axes } => format!("Home {}", axes.letters()),
             Self::ExactStop => "G9".into(),
             Self::ProgramEnd { rewind: false } => "M2".into(),
             Self::ProgramEnd { rewind: true } => "M30".into(),
         }
     }
+}
+
+/// The word that selects a work system: `G54` for 1, `G59.1` for 7.
+pub fn work_system(system: u8) -> String {
+    match system {
+        7.. => format!("G59.{}", system - 6),
+        _ => format!("G{}", 53 + system),
+    }
+}
+
+/// ` X10 Z-5`
+fn axis_words(axes: AxisSet, values: Position) -> String {
+    let named = (0..3).filter(|&axis| axes.contains(axis));
+    named.map(|axis| format!(" {}{}", crate::geometry::AXIS_LETTERS[axis], values[axis])).collect()
 }

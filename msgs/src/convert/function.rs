@@ -62,6 +62,14 @@ impl From<&Action> for wire::MachineFunction {
                 out.value = m_per_s_from_mm_per_min(feed_mm_per_min);
                 if rapid { Self::MACHINE_RAPID } else { Self::MACHINE_FEED }
             }
+            Action::SetWorkOffset { system, axes, origin, by_position } => {
+                out.number = system.into();
+                out.axes = axes.bits();
+                out.target = point_from_position(origin);
+                if by_position { Self::WORK_OFFSET_BY_POSITION } else { Self::SET_WORK_OFFSET }
+            }
+            Action::StoreReference { second: false } => Self::STORE_REFERENCE_FIRST,
+            Action::StoreReference { second: true } => Self::STORE_REFERENCE_SECOND,
             Action::Home { axes } => {
                 out.axes = axes.bits();
                 Self::HOME
@@ -88,6 +96,9 @@ impl Action {
                 rapid,
                 feed_mm_per_min: received_mm_per_min(feed_mm_per_min),
             },
+            Self::SetWorkOffset { system, axes, origin, by_position } => {
+                Self::SetWorkOffset { system, axes, origin: origin.map(received_mm), by_position }
+            }
             other => other,
         }
     }
@@ -108,6 +119,14 @@ impl TryFrom<&wire::MachineFunction> for Action {
                 feed_mm_per_min: mm_per_min_from_m_per_s(value),
             })
         };
+        let system = || match u8::try_from(function.number) {
+            Ok(system @ 1..=9) => Ok(system),
+            _ => Err(WireError::Constant { field: "number", value: function.number }),
+        };
+        let set_work_offset = |by_position| -> Result<Self, WireError> {
+            let origin = position("target", &function.target)?;
+            Ok(Self::SetWorkOffset { system: system()?, axes, origin, by_position })
+        };
         Ok(match function.kind {
             W::SPINDLE_SPEED => Self::SpindleSpeed { rpm: rpm_from_rad_per_s(value) },
             W::SPINDLE_CLOCKWISE => Self::Spindle(SpindleMode::Clockwise),
@@ -122,10 +141,11 @@ impl TryFrom<&wire::MachineFunction> for Action {
                 Self::ToolLength { offset: Some(function.number), length_mm: mm_from_m(value) }
             }
             W::TOOL_LENGTH_CANCEL => Self::ToolLength { offset: None, length_mm: 0.0 },
-            W::WORK_OFFSET => match u8::try_from(function.number) {
-                Ok(system @ 1..=6) => Self::WorkOffset { system },
-                _ => return Err(WireError::Constant { field: "number", value: function.number }),
-            },
+            W::WORK_OFFSET => Self::WorkOffset { system: system()? },
+            W::SET_WORK_OFFSET => set_work_offset(false)?,
+            W::WORK_OFFSET_BY_POSITION => set_work_offset(true)?,
+            W::STORE_REFERENCE_FIRST => Self::StoreReference { second: false },
+            W::STORE_REFERENCE_SECOND => Self::StoreReference { second: true },
             W::DWELL if value >= 0.0 => Self::Dwell { seconds: value },
             W::DWELL => return Err(WireError::Number { field: "value", value }),
             W::AUXILIARY => {

@@ -128,12 +128,19 @@ fn is_same(programmed: &Action, found: &Action, tools: &ToolTable) -> bool {
 
 /// Lengths that were converted to metres and back may differ by rounding.
 fn same_numbers(a: &Action, b: &Action) -> bool {
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(1.0);
     match (a, b) {
+        (
+            Action::SetWorkOffset { system, axes, origin: p, by_position },
+            Action::SetWorkOffset { system: of, axes: other, origin: q, by_position: also },
+        ) => {
+            (system, axes, by_position) == (of, other, also)
+                && p.iter().zip(q).all(|(a, b)| near(*a, *b))
+        }
         (
             Action::MachineMove { target: p, axes, rapid, feed_mm_per_min: f },
             Action::MachineMove { target: q, axes: other, rapid: as_rapid, feed_mm_per_min: g },
         ) => {
-            let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(1.0);
             (axes, rapid) == (other, as_rapid)
                 && near(*f, *g)
                 && p.iter().zip(q).all(|(a, b)| near(*a, *b))

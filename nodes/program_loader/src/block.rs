@@ -1,5 +1,7 @@
 //! The words of one line, before a dialect gives them a meaning.
 
+use crate::expression::Parameter;
+
 /// How a dialect writes its blocks.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LexerRules {
@@ -15,6 +17,8 @@ pub(crate) struct LexerRules {
     pub(crate) calls: bool,
     /// The G number whose axes are named without a number: `G44 X Y`.
     pub(crate) axis_names_after: Option<f64>,
+    /// `#1=5`, `X[#1+2]`, O words and program numbers.
+    pub(crate) parameters: bool,
     /// `$PART.MIN%` begins the file, `OPART` names the program, `NLAP1` names a block.
     pub(crate) names: bool,
 }
@@ -31,10 +35,23 @@ pub(crate) struct Word {
     pub(crate) letter: u8,
 }
 
+/// A parameter that a block sets.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Assignment {
+    pub(crate) parameter: Parameter<'static>,
+    /// NaN when its value could not be read; that has been reported then.
+    pub(crate) value: f64,
+    /// Its first byte in the line, and the first byte after it.
+    pub(crate) start: usize,
+    pub(crate) end: usize,
+}
+
 /// The words of one line.
 #[derive(Debug, Default)]
 pub(crate) struct Block {
     pub(crate) words: Vec<Word>,
+    /// What it sets, once all its words have their values.
+    pub(crate) assignments: Vec<Assignment>,
     /// N.
     pub(crate) number: Option<u32>,
     /// From the first word to the last, in bytes of the line.

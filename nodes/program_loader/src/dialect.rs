@@ -12,6 +12,7 @@ mod rs274;
 mod sinumerik_840c;
 
 use crate::block::LexerRules;
+pub(crate) use crate::interpreter::{Cycle, OffsetWord};
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile;
@@ -111,6 +112,16 @@ pub(crate) enum GWord {
         second: bool,
     },
     MachineCoordinates,
+    /// Moves the zero of the program, or changes an offset of the machine.
+    Offset(OffsetWord),
+    /// How F is given.
+    FeedMode(FeedMode),
+    /// Where the cycles end: at R (G99), or where they began (G98).
+    Retract {
+        to_r: bool,
+    },
+    /// Whether X is a diameter.
+    Diameter(bool),
     /// Known, but not supported here; the text says what to do instead.
     Refused(&'static str),
     /// A canned cycle or similar: axis words after it are not moves.
@@ -140,10 +151,11 @@ pub(crate) enum Group {
     Approach,
     ExactStop,
     CycleCancel,
+    Diameter,
 }
 
 impl Group {
-    pub(crate) const COUNT: usize = 18;
+    pub(crate) const COUNT: usize = 19;
 }
 
 impl GWord {
@@ -169,6 +181,10 @@ impl GWord {
             | Self::SetRadius
             | Self::Home
             | Self::Reference { .. } => Group::NonModal,
+            Self::Offset(_) => Group::NonModal,
+            Self::FeedMode(_) => Group::Feed,
+            Self::Retract { .. } => Group::Retract,
+            Self::Diameter(_) => Group::Diameter,
             Self::ExactStop => Group::ExactStop,
             Self::MachineCoordinates => Group::MachineCoordinates,
             Self::Refused(_) | Self::Unknown => return None,
@@ -188,6 +204,19 @@ pub(crate) enum Mode {
     Polar {
         rapid: bool,
     },
+    /// A drilling cycle.
+    Cycle(Cycle),
+}
+
+/// How F is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FeedMode {
+    /// G93: moves of a minute.
+    InverseTime,
+    /// G94: units a minute.
+    PerMinute,
+    /// G95: units a revolution of the spindle.
+    PerRevolution,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -214,6 +243,10 @@ pub(crate) enum MWord {
     Spindle(SpindleMode),
     Coolant(CoolantMode),
     ChangeTool,
+    /// M98: calls the program of the number P, L times.
+    CallProgram,
+    /// M99.
+    EndProgram,
     /// A function of the machine, before or after the motion of its block.
     Auxiliary {
         after_motion: bool,

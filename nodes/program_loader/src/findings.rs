@@ -39,6 +39,23 @@ impl Findings {
         }
     }
 
+    /// How many findings are listed.
+    pub(crate) fn count(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether any of the listed findings is an error.
+    pub(crate) fn has_error(&self) -> bool {
+        self.dropped_an_error || self.list.iter().any(Finding::is_error)
+    }
+
+    /// Changes the findings from an index on; those for which `keep` returns false are dropped.
+    pub(crate) fn revise(&mut self, from: usize, mut keep: impl FnMut(&mut Finding) -> bool) {
+        let mut later = self.list.split_off(from.min(self.list.len()));
+        later.retain_mut(|finding| keep(finding));
+        self.list.append(&mut later);
+    }
+
     /// All findings in the order of the program, and a note on how many were left out.
     pub(crate) fn finish(mut self) -> Vec<Finding> {
         // Within a block the interpreter reports by group; people read from left to right.

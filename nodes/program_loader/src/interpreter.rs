@@ -9,28 +9,49 @@ mod arc;
 mod arcs;
 mod axes;
 mod compensation;
+mod cycles;
+mod feeds;
 mod home;
 mod moves;
+mod offsets;
 mod polar;
 mod refusals;
 mod request;
+mod system;
 
 use crate::block::Block;
 use crate::bounds::Bounds;
-use crate::dialect::{Distance, GWord, Group, Letters, Mode, Units};
+use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode, Units};
 use crate::findings::Findings;
 use crate::limits::{MM_PER_INCH, NUMBER_MAX};
 use crate::line::Line;
 use crate::rules::Rules;
 use axes::Axes;
-use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, ProgrammedContour, Source};
+use cnc_msgs::contour::{
+    Action, ContourEvent, ContourEventKind, ProgrammedContour, Source, SpindleMode,
+};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
 use cnc_msgs::units::received_mm;
 use compensation::Compensation;
+pub(crate) use cycles::Cycle;
+use cycles::CycleWords;
+pub(crate) use offsets::OffsetWord;
 use polar::Polar;
 use request::Request;
 pub(crate) use request::code_in_tenths;
+
+/// What follows a block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum After {
+    Block,
+    /// M2, M30.
+    End,
+    /// M98.
+    Call { program: u32, times: u32 },
+    /// M99.
+    EndOfProgram,
+}
 
 /// One block during its execution.
 #[derive(Debug)]
@@ -86,6 +107,9 @@ struct Modal {
     units: Units,
     /// 0 before the first F.
     feed_mm_per_min: f64,
+    feed_mode: FeedMode,
+    /// F as it is written.
+    programmed_feed: f64,
     /// The feed of the last motion at feed.
     emitted_feed_mm_per_min: f64,
     feed_is_poisoned: bool,
@@ -96,6 +120,15 @@ struct Modal {
     /// G43 H.
     length: Option<u32>,
     work_offset: u8,
+    /// The zero of the program in the work system, mm (G52, G92), and what G92.3 restores.
+    shift: Position,
+    kept_shift: Position,
+    x_is_diameter: bool,
+    rpm: f64,
+    spindle: SpindleMode,
+    mist: bool,
+    flood: bool,
+    cycle: CycleWords,
     polar: Polar,
     compensation: Compensation,
 }
@@ -112,6 +145,9 @@ pub(crate) struct Interpreter<'r> {
     shared: Letters,
     /// The place of the current block.
     source: Source,
+    has_begun: bool,
+    /// P and L of M98 in the current block.
+    called: Option<(u32, u32)>,
     contour: ProgrammedContour,
     bounds: Bounds,
 }
@@ -141,12 +177,22 @@ impl<'r> Interpreter<'r> {
                 centers: Distance::Incremental,
                 units: Units::Millimetre,
                 feed_mm_per_min: 0.0,
+                feed_mode: FeedMode::PerMinute,
+                programmed_feed: 0.0,
                 emitted_feed_mm_per_min: 0.0,
                 feed_is_poisoned: false,
                 selected_tool: None,
                 spindle_tool: None,
                 length: None,
                 work_offset: 1,
+                shift: [0.0; 3],
+                kept_shift: [0.0; 3],
+                x_is_diameter: rules.x_is_diameter,
+                rpm: 0.0,
+                spindle: SpindleMode::Off,
+                mist: false,
+                flood: false,
+                cycle: CycleWords::default(),
                 polar: Polar::default(),
                 compensation: Compensation::default(),
             },
@@ -155,18 +201,31 @@ impl<'r> Interpreter<'r> {
             used: Letters::NONE,
             shared: Letters::NONE,
             source: Source::default(),
+            has_begun: false,
+            called: None,
             contour,
             bounds: Bounds::default(),
         }
     }
 
-    /// Executes one block; returns whether it ends the program.
+    /// Whether a block has been executed.
+    pub(crate) fn has_begun(&self) -> bool {
+        self.has_begun
+    }
+
+    /// Events so far.
+    pub(crate) fn event_count(&self) -> usize {
+        self.contour.events.len()
+    }
+
+    /// Executes one block; returns what follows it.
     pub(crate) fn execute(
         &mut self,
         line: Line<'_>,
         block: &Block,
         findings: &mut Findings,
-    ) -> bool {
+    ) -> After {
+        self.has_begun = true;
         let under_compensation = self.modal.compensation.selected_at();
         let rules = self.rules;
         let plane = self.modal.plane;
@@ -186,7 +245,10 @@ impl<'r> Interpreter<'r> {
         if block.is_cut {
             self.axes.poison(AxisSet::ALL);
         }
-        self.request.m_at(0).is_some() && self.functions_after_motion()
+        match self.request.m_at(0) {
+            None => After::Block,
+            Some(_) => self.functions_after_motion(),
+        }
     }
 
     /// Everything that a block does before its motion, in the order of RS-274.
@@ -195,6 +257,10 @@ impl<'r> Interpreter<'r> {
         if let Some((GWord::Units(units), _)) = self.request.g(Group::Units) {
             self.modal.units = units;
         }
+        if let Some((GWord::Diameter(is_diameter), _)) = self.request.g(Group::Diameter) {
+            self.modal.x_is_diameter = is_diameter;
+        }
+        self.feed_mode();
         let dwells = matches!(self.request.g(Group::NonModal), Some((GWord::Dwell, _)));
         if !dwells || !self.rules.dialect.dwell.contains(b'F') {
             self.feed(scene);
@@ -233,6 +299,10 @@ impl<'r> Interpreter<'r> {
         }
         self.tool_length(scene);
         self.work_offset();
+        self.retract_mode();
+        if let Some((GWord::Offset(word), at)) = self.request.g(Group::NonModal) {
+            self.offsets(scene, word, at);
+        }
         if let Some((GWord::Distance(distance), _)) = self.request.g(Group::Distance) {
             self.modal.distance = distance;
         }

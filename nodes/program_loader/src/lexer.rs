@@ -6,7 +6,8 @@
 
 pub(crate) mod call;
 
-use crate::block::{Block, LexerRules, Word};
+use crate::block::{Assignment, Block, LexerRules, Word};
+use crate::expression::{self, Lookup, Parameter};
 use crate::findings::Findings;
 use crate::limits::{BLOCK_WORDS_MAX, NUMBER_MAX};
 use crate::line::Line;
@@ -14,14 +15,23 @@ use crate::number::{self, NotANumber, NumberError};
 use cnc_msgs::finding::{Code, Finding};
 
 /// Splits a line that is not longer than a [`Word`]'s places can express.
-pub(crate) fn read(line: Line<'_>, rules: &LexerRules, block: &mut Block, findings: &mut Findings) {
+///
+/// `values` are those of parameters before the block.
+pub(crate) fn read(
+    line: Line<'_>,
+    rules: &LexerRules,
+    block: &mut Block,
+    findings: &mut Findings,
+    values: &dyn Lookup,
+) {
     block.words.clear();
+    block.assignments.clear();
     block.number = None;
     (block.start, block.end) = (0, 0);
     (block.is_optional, block.is_damaged) = (false, false);
     (block.is_cut, block.is_binary) = (false, false);
     block.has_remark = false;
-    Lexer { line, rules, block, findings, at: 0, has_begun: false }.run();
+    Lexer { line, rules, block, findings, values, at: 0, has_begun: false }.run();
 }
 
 struct Lexer<'a> {
@@ -29,6 +39,7 @@ struct Lexer<'a> {
     rules: &'a LexerRules,
     block: &'a mut Block,
     findings: &'a mut Findings,
+    values: &'a dyn Lookup,
     at: usize,
     /// Whether anything except comments has been read.
     has_begun: bool,
@@ -76,11 +87,7 @@ impl Lexer<'_> {
                 self.at = end_of_alphanumeric(text, start);
                 return;
             }
-            return self.rest(
-                Code::Unsupported,
-                "O words are not supported",
-                "delete program numbers; write subroutines and loops out, or post without them",
-            );
+            return self.o_word(start, digits);
         }
         if let Some((value, end)) = number::read_simple(text, digits) {
             self.at = end;
@@ -89,16 +96,137 @@ impl Lexer<'_> {
         self.uncommon_word(letter, start, digits);
     }
 
+    /// A program number at the beginning; `flow` has read it already.
+    #[cold]
+    fn o_word(&mut self, start: usize, digits: usize) {
+        if !self.rules.parameters {
+            return self.rest(
+                Code::Unsupported,
+                "O words are not supported",
+                "delete program numbers; write subroutines and loops out, or post without them",
+            );
+        }
+        let length = self.line.text[digits..].iter().take_while(|it| it.is_ascii_digit()).count();
+        if length == 0 || !self.block.words.is_empty() || !self.block.assignments.is_empty() {
+            return self.rest(
+                Code::Syntax,
+                "an O word is not at the beginning of its line",
+                "write it into a line of its own",
+            );
+        }
+        self.block.has_remark |= self.has_begun;
+        self.at = digits + length;
+        let _ = start;
+    }
+
+    /// A word whose value is an expression: `X[#1+2]`, `Z-#<depth>`, `YSIN[30]`.
+    #[cold]
+    fn computed_word(&mut self, letter: u8, start: usize, value: usize) {
+        match expression::value(self.line.text, value, self.values) {
+            Ok((value, end)) => {
+                self.at = end;
+                self.add(letter, value, start);
+                if value.is_nan() {
+                    self.block.is_damaged = true;
+                }
+            }
+            Err(error) => {
+                self.at = error.end.max(start + 1);
+                self.skip_expression();
+                let finding = crate::flow::finding_of(self.line, self.block.number, &error);
+                self.add(letter, f64::NAN, start);
+                self.damage(finding);
+            }
+        }
+    }
+
+    /// `#1=5`, `#<depth>=[#<depth>-1]`: the value is set once the block has been read.
+    #[cold]
+    fn assignment(&mut self, start: usize) {
+        let text = self.line.text;
+        let target = expression::target(text, start, self.values);
+        let read = target.and_then(|(parameter, end)| {
+            let equals = expression::skip_blanks(text, end);
+            Ok((parameter, end, text.get(equals) == Some(&b'='), equals))
+        });
+        let (parameter, end, is_assignment, equals) = match read {
+            Ok(read) => read,
+            Err(error) => {
+                self.at = error.end.max(start + 1);
+                self.damage(crate::flow::finding_of(self.line, self.block.number, &error));
+                return self.skip_expression();
+            }
+        };
+        self.at = end;
+        let parameter = match parameter {
+            Parameter::Numbered(number) => Parameter::Numbered(number),
+            Parameter::Named(name) => Parameter::Named(name.into_owned().into()),
+        };
+        if !is_assignment {
+            let message = format!("`{}` has no letter", self.line.quote(start, end));
+            let help = "write the letter of a word before it, or = and a value after it";
+            self.covers(start);
+            return self.report(Code::Syntax, start, message, help);
+        }
+        let (value, error) = match expression::value(text, equals + 1, self.values) {
+            Ok((value, end)) => {
+                self.at = end;
+                (value, None)
+            }
+            Err(error) => {
+                self.at = error.end.max(equals + 1);
+                (f64::NAN, Some(error))
+            }
+        };
+        self.covers(start);
+        let end = self.at;
+        self.block.assignments.push(Assignment { parameter, value, start, end });
+        if let Some(error) = error {
+            self.damage(crate::flow::finding_of(self.line, self.block.number, &error));
+            self.skip_expression();
+        }
+    }
+
+    /// After an error in an expression: what follows it up to the next word cannot be read.
+    fn skip_expression(&mut self) {
+        let text = self.line.text;
+        let mut depth = 0_i32;
+        while let Some(&byte) = text.get(self.at) {
+            match byte {
+                b'(' | b';' => break,
+                b'[' => depth += 1,
+                b']' => depth -= 1,
+                _ if depth <= 0 && byte.is_ascii_alphabetic() && !follows_letter(text, self.at) => {
+                    let next = text.get(expression::skip_blanks(text, self.at + 1));
+                    if matches!(next, Some(b'0'..=b'9' | b'-' | b'+' | b'.' | b'#' | b'[')) {
+                        break;
+                    }
+                }
+                _ => {}
+            }
+            self.at += 1;
+        }
+    }
+
+    fn damage(&mut self, finding: Finding) {
+        self.block.is_damaged = true;
+        self.block.has_remark = true;
+        self.findings.push(finding);
+    }
+
     #[cold]
     fn uncommon_word(&mut self, letter: u8, start: usize, digits: usize) {
         let text = self.line.text;
+        if self.rules.parameters && letter != b'N' && is_computed(text, digits) {
+            return self.computed_word(letter, start, digits);
+        }
         match number::read(text, digits, self.rules.blanks_in_numbers) {
             Ok(number) => {
                 self.at = number.end;
                 if number.is_split {
                     self.warn_of_split(start);
                 }
-                if matches!(text.get(self.at), Some(b'=' | b'[' | b'#')) {
+                if !self.rules.parameters && matches!(text.get(self.at), Some(b'=' | b'[' | b'#')) {
                     return self.expression(letter, start);
                 }
                 self.add(letter, number.value, start);
@@ -290,7 +418,10 @@ impl Lexer<'_> {
         self.block.has_remark = true;
         let start = self.at;
         match byte {
-            b'#' | b'[' | b'=' | b'"' | b'<' => self.expression(b' ', start),
+            b'#' if self.rules.parameters => self.assignment(start),
+            b'#' | b'[' | b'=' | b'"' | b'<' if !self.rules.parameters => {
+                self.expression(b' ', start);
+            }
             b'$' => self.rest(
                 Code::Unsupported,
                 "controller settings and commands are not part of a program",
@@ -391,6 +522,27 @@ impl Lexer<'_> {
         let source = self.line.source(self.block.number, start, self.at);
         self.findings.push(Finding::error(code, source, message).help(help));
     }
+}
+
+/// Whether the value of a word is an expression.
+fn is_computed(text: &[u8], at: usize) -> bool {
+    let byte = |at: usize| text.get(at).copied().unwrap_or(0);
+    match byte(at) {
+        b'[' | b'#' => true,
+        b'+' | b'-' => {
+            let next = byte(expression::skip_blanks(text, at + 1));
+            matches!(next, b'[' | b'#') || next.is_ascii_alphabetic()
+        }
+        first if first.is_ascii_alphabetic() => {
+            let letters = text[at..].iter().take_while(|it| it.is_ascii_alphabetic()).count();
+            letters > 1 && byte(expression::skip_blanks(text, at + letters)) == b'['
+        }
+        _ => false,
+    }
+}
+
+fn follows_letter(text: &[u8], at: usize) -> bool {
+    at > 0 && text[at - 1].is_ascii_alphabetic()
 }
 
 /// Where `[#1+2]`, `#12`, `#<name>`, `##1` or `#[1+2]` ends.

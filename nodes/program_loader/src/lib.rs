@@ -18,12 +18,16 @@
 mod block;
 mod bounds;
 mod dialect;
+mod expression;
 mod findings;
+mod flow;
 mod interpreter;
 mod lexer;
 mod line;
 mod number;
+mod parameters;
 mod rules;
+mod values;
 
 pub mod canonical;
 pub mod limits;
@@ -40,9 +44,13 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use findings::Findings;
-use interpreter::{Interpreter, code_in_tenths};
+use flow::{Cursor, Flow, FlowMap, Next, World};
+use interpreter::{After, Interpreter, code_in_tenths};
+use limits::FlowLimits;
 use line::Line;
+use parameters::{CannotSet, Parameters};
 use rules::Rules;
+use values::Values;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How a program is loaded.
@@ -54,6 +62,8 @@ pub struct LoadOptions {
     pub block_delete: bool,
     /// The text is one block of manual data input: exactly one block, and no program end.
     pub is_single_block: bool,
+    /// How long subroutines and loops may take.
+    pub flow: FlowLimits,
 }
 
 /// A program after reading.
@@ -151,6 +161,14 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         let contour = ProgrammedContour { start: options.start, ..ProgrammedContour::default() };
         return Loaded { contour, findings: findings.finish(), line_count, bounds: None };
     }
+    let flow = match rules.dialect.lexer.parameters && !options.is_single_block {
+        true => FlowMap::of(text, &mut findings),
+        false => FlowMap::default(),
+    };
+    if findings.has_error() {
+        let contour = ProgrammedContour { start: options.start, ..ProgrammedContour::default() };
+        return Loaded { contour, findings: findings.finish(), line_count, bounds: None };
+    }
     let interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
     let mut reader = Reader {
         rules: &rules,
@@ -159,6 +177,8 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         findings,
         block: Block::default(),
         section: Section::Before,
+        parameters: Parameters::default(),
+        flow: (!flow.entries.is_empty()).then(|| Flow::new(text, flow, options.flow)),
     };
     reader.read(text);
     let findings = reader.findings.finish();
@@ -214,55 +234,235 @@ struct Reader<'r> {
     findings: Findings,
     block: Block,
     section: Section,
+    parameters: Parameters,
+    /// Nothing where the program has no O words.
+    flow: Option<Flow<'r>>,
+}
+
+/// How a line ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    Line,
+    Jump(Cursor),
+    Stop,
 }
 
 impl Reader<'_> {
     fn read(&mut self, text: &[u8]) {
-        let mut number = 0;
-        let mut start = 0;
+        let mut cursor = Cursor { offset: 0, line: 1 };
         let mut has_blocks = false;
-        let mut is_binary = false;
-        for end in memchr::memchr_iter(b'\n', text).chain(std::iter::once(text.len())) {
-            number += 1;
-            let line = &text[start..end];
-            start = end + 1;
-            let line = Line { number, text: line.strip_suffix(b"\r").unwrap_or(line) };
-            self.findings.begin_block();
-            if line.text.len() > limits::LINE_BYTES_MAX {
-                self.too_long(line);
-                has_blocks = true;
-                continue;
-            }
-            if self.percent(line) || self.is_deleted(line) {
-                continue;
-            }
-            if let Section::After { .. } = self.section {
-                if self.is_reported_after_end(line) {
-                    break;
+        let mut last_line = 0;
+        'jump: loop {
+            let from = cursor.offset;
+            let ends = memchr::memchr_iter(b'\n', &text[from..]).map(|end| from + end);
+            for end in ends.chain(std::iter::once(text.len())) {
+                last_line = cursor.line;
+                let whole = &text[cursor.offset.min(end)..end];
+                let line =
+                    Line { number: cursor.line, text: whole.strip_suffix(b"\r").unwrap_or(whole) };
+                match self.line(line, cursor, &mut has_blocks) {
+                    Outcome::Line => {}
+                    Outcome::Jump(to) => {
+                        cursor = to;
+                        continue 'jump;
+                    }
+                    Outcome::Stop => break 'jump,
                 }
-                continue;
+                cursor = Cursor { offset: end + 1, line: cursor.line + 1 };
             }
-            lexer::read(line, &self.rules.dialect.lexer, &mut self.block, &mut self.findings);
-            if self.block.is_binary {
-                is_binary = true;
-                break;
-            }
-            if self.block.words.is_empty() && !self.block.is_damaged {
-                continue;
-            }
-            has_blocks = true;
-            self.section = Section::Within;
-            if self.interpreter.execute(line, &self.block, &mut self.findings) {
-                self.section = Section::After { end_line: number, is_reported: false };
-            }
+            break;
         }
         self.findings.begin_block();
-        if is_binary {
+        if self.block.is_binary {
             return;
         }
         if self.options.is_single_block {
-            return self.refuse_unless_single(number, has_blocks);
+            return self.refuse_unless_single(last_line, has_blocks);
         }
+        self.check_end(text, last_line, has_blocks);
+    }
+
+    /// Reads and executes one line.
+    #[inline]
+    fn line(&mut self, line: Line<'_>, at: Cursor, has_blocks: &mut bool) -> Outcome {
+        self.findings.begin_block();
+        if line.text.len() > limits::LINE_BYTES_MAX {
+            self.too_long(line);
+            *has_blocks = true;
+            return Outcome::Line;
+        }
+        if self.percent(line) || self.is_deleted(line) {
+            return Outcome::Line;
+        }
+        if let Section::After { .. } = self.section {
+            return match self.is_reported_after_end(line) {
+                true => Outcome::Stop,
+                false => Outcome::Line,
+            };
+        }
+        if self.flow.is_some() {
+            return self.line_in_flow(line, at, has_blocks);
+        }
+        match self.block(line, has_blocks) {
+            After::Block => Outcome::Line,
+            After::End if self.block.is_binary => Outcome::Stop,
+            After::End => {
+                self.section = Section::After { end_line: line.number, is_reported: false };
+                Outcome::Line
+            }
+            after => self.no_program(line, after),
+        }
+    }
+
+    /// Reads and executes one block.
+    #[inline]
+    fn block(&mut self, line: Line<'_>, has_blocks: &mut bool) -> After {
+        let values = Values {
+            parameters: &self.parameters,
+            interpreter: &self.interpreter,
+            line: line.number,
+        };
+        let rules = &self.rules.dialect.lexer;
+        lexer::read(line, rules, &mut self.block, &mut self.findings, &values);
+        if self.block.is_binary {
+            return After::End;
+        }
+        if !self.block.assignments.is_empty() {
+            *has_blocks = true;
+            self.section = Section::Within;
+            self.assign(line);
+        }
+        if self.block.words.is_empty() && !self.block.is_damaged {
+            return After::Block;
+        }
+        *has_blocks = true;
+        self.section = Section::Within;
+        self.interpreter.execute(line, &self.block, &mut self.findings)
+    }
+
+    /// A line of a program with O words: what comes next is not always the line after it.
+    fn line_in_flow(&mut self, line: Line<'_>, at: Cursor, has_blocks: &mut bool) -> Outcome {
+        let first_finding = self.findings.count();
+        let next = self.step(line, at, has_blocks);
+        if self.findings.count() > first_finding
+            && let Some(flow) = &mut self.flow
+        {
+            flow.place(&mut self.findings, first_finding);
+        }
+        match next {
+            Next::Line | Next::Block => Outcome::Line,
+            Next::Jump(to) => Outcome::Jump(to),
+            Next::Stop => {
+                // It has been reported why; what follows was never to be reached.
+                self.section = Section::After { end_line: line.number, is_reported: true };
+                Outcome::Stop
+            }
+        }
+    }
+
+    fn step(&mut self, line: Line<'_>, at: Cursor, has_blocks: &mut bool) -> Next {
+        let Some(flow) = &mut self.flow else { return Next::Line };
+        let events = self.interpreter.event_count();
+        if !flow.count(line, events, &mut self.findings) {
+            return Next::Stop;
+        }
+        let mut world = World {
+            parameters: &mut self.parameters,
+            interpreter: &self.interpreter,
+            findings: &mut self.findings,
+        };
+        match flow.step(line, at.offset, &mut world) {
+            Next::Block => {}
+            next => {
+                *has_blocks = true;
+                if self.section == Section::Before {
+                    self.section = Section::Within;
+                }
+                return next;
+            }
+        }
+        let after = self.block(line, has_blocks);
+        let Some(flow) = &mut self.flow else { return Next::Line };
+        match after {
+            After::Block => Next::Line,
+            After::End => {
+                self.section = Section::After {
+                    end_line: line.number,
+                    is_reported: flow.has_programs() || self.block.is_binary,
+                };
+                Next::Line
+            }
+            After::Call { program, times } => {
+                let mut world = World {
+                    parameters: &mut self.parameters,
+                    interpreter: &self.interpreter,
+                    findings: &mut self.findings,
+                };
+                flow.call_program(at, line, program, times, &mut world)
+            }
+            After::EndOfProgram => match flow.end_program() {
+                Some(next) => next,
+                None => {
+                    self.refuse_endless(line);
+                    Next::Stop
+                }
+            },
+        }
+    }
+
+    /// Sets the parameters of a block that has been read.
+    fn assign(&mut self, line: Line<'_>) {
+        for assignment in std::mem::take(&mut self.block.assignments) {
+            let Err(why) = self.parameters.set(&assignment.parameter, assignment.value) else {
+                continue;
+            };
+            let source = line.source(self.block.number, assignment.start, assignment.end);
+            let quote = line.quote(assignment.start, assignment.end);
+            let (message, help) = match why {
+                CannotSet::NoSuchNumber => (
+                    format!("`{quote}`: there is no such parameter"),
+                    "numbered parameters are #1 to #5602",
+                ),
+                CannotSet::ReadOnly => (
+                    format!("`{quote}`: this parameter cannot be set, the machine gives its value"),
+                    "use another name or number",
+                ),
+            };
+            self.findings.push(Finding::error(Code::BadNumber, source, message).help(help));
+            self.block.is_damaged = true;
+        }
+    }
+
+    /// M98 or M99 in a program without program numbers.
+    #[cold]
+    fn no_program(&mut self, line: Line<'_>, after: After) -> Outcome {
+        if after == After::EndOfProgram {
+            self.refuse_endless(line);
+        } else {
+            let message = "M98 calls a program that the text does not have";
+            let source = line.source(self.block.number, self.block.start, self.block.end);
+            self.findings.push(
+                Finding::error(Code::Syntax, source, message)
+                    .help("write the program after the end of the main program: O100 ... M99"),
+            );
+        }
+        self.section = Section::After { end_line: line.number, is_reported: true };
+        Outcome::Stop
+    }
+
+    /// M99 in the main program: LinuxCNC would begin it again without an end.
+    #[cold]
+    fn refuse_endless(&mut self, line: Line<'_>) {
+        let message = "M99 in the main program begins it again, without an end";
+        let source = line.source(self.block.number, self.block.start, self.block.end);
+        self.findings.push(
+            Finding::error(Code::Unsupported, source, message)
+                .help("end the program with M2 or M30, and run it again"),
+        );
+    }
+
+    /// Reports a program without blocks, or without an end.
+    fn check_end(&mut self, text: &[u8], last_line: u32, has_blocks: bool) {
         if !has_blocks {
             let message = "the program has no blocks";
             self.findings.push(
@@ -271,7 +471,7 @@ impl Reader<'_> {
             );
         } else if !matches!(self.section, Section::After { .. }) {
             let is_empty_line = text.last() == Some(&b'\n');
-            let line = number - u32::from(is_empty_line);
+            let line = last_line - u32::from(is_empty_line);
             let source = Source { line, column: 1, ..Source::default() };
             let message = "the program has no end";
             self.findings.push(

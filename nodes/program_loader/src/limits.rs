@@ -29,6 +29,11 @@ pub const NUMBER_MAX: f64 = 99_999_999.0;
 /// Turns of one arc block.
 pub const ARC_TURNS_MAX: f64 = 9_999.0;
 
+/// Steps of one hole (G73, G83).
+pub const CYCLE_MOVES_MAX: f64 = 10_000.0;
+/// How far a chip-breaking or peck cycle stays away from the last depth in rapid, mm (LinuxCNC).
+pub const PECK_CLEARANCE_MM: f64 = 0.254;
+
 /// Millimetres of an inch.
 pub const MM_PER_INCH: f64 = 25.4;
 
@@ -49,3 +54,19 @@ pub const ARC_R_SHORT_INCH: f64 = 0.000_05;
 pub const FULL_CIRCLE_RELATIVE: f64 = 1e-6;
 /// A G or M number must be this close to a tenth.
 pub const CODE_FUZZ: f64 = 1e-6;
+
+/// Limits of programs with subroutines and loops.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FlowLimits {
+    /// Lines that are executed: a loop without an end stops here. At about a hundred bytes of
+    /// memory for a line that moves, and some 10 million lines a second.
+    pub blocks_max: u64,
+    /// Subroutines inside each other.
+    pub depth_max: usize,
+}
+
+impl Default for FlowLimits {
+    fn default() -> Self {
+        Self { blocks_max: 5_000_000, depth_max: 100 }
+    }
+}

@@ -94,6 +94,32 @@ pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
     Some((if is_negative { -magnitude } else { magnitude }, at))
 }
 
+/// Reads digits and a point, as they stand in expressions: a sign is an operator there. Blanks
+/// between them are skipped.
+pub(crate) fn read_unsigned(text: &[u8], start: usize) -> Result<(f64, usize), NotANumber> {
+    let (mut plain, mut end, mut at) = (String::new(), start, start);
+    while let Some(&byte) = text.get(at) {
+        match byte {
+            b'0'..=b'9' | b'.' => {
+                plain.push(char::from(byte));
+                end = at + 1;
+            }
+            b' ' | b'\t' => {}
+            b'e' | b'E' if digit_at(text, at + 1).is_some() => {
+                let digits = text[at + 1..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+                return Err(NotANumber { what: NumberError::Exponent, end: at + 1 + digits });
+            }
+            _ => break,
+        }
+        at += 1;
+    }
+    match plain.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok((value, end)),
+        Ok(_) => Err(NotANumber { what: NumberError::TooLarge, end }),
+        Err(_) => Err(NotANumber { what: NumberError::Malformed, end }),
+    }
+}
+
 /// Reads the number that begins at `start`.
 ///
 /// With `joins_blanks`, blanks between its characters are skipped, as in RS-274 (`1 234.5` is

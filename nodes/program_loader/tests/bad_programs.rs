@@ -6,6 +6,7 @@ mod common;
 
 use cnc_msgs::finding::Severity;
 use common::profile;
+use program_loader::limits::FlowLimits;
 use program_loader::{LoadOptions, load, render};
 use settings::Control;
 use std::path::Path;
@@ -26,7 +27,10 @@ fn bad_programs_get_the_errors_of_their_first_comment() {
             let bytes = std::fs::read(&path).expect("a program");
             let text = String::from_utf8_lossy(&bytes);
             let comment = text.split(['(', ')']).nth(1).expect("a first comment");
-            let loaded = load(&bytes, &profile, &LoadOptions::default());
+            // A loop without an end is found sooner.
+            let flow = FlowLimits { blocks_max: 100_000, ..FlowLimits::default() };
+            let options = LoadOptions { flow, ..LoadOptions::default() };
+            let loaded = load(&bytes, &profile, &options);
             let found: Vec<String> = loaded
                 .findings
                 .iter()

@@ -17,21 +17,76 @@ fn check(control: &str, text: &str, expected: &[&str]) {
 
 #[test]
 fn an_expression_is_one_finding_with_all_of_it() {
-    check("rs274", "G0 X0\nG1 X#<depth> F100", &["2: `X#<DEPTH>` is an expression"]);
-    check("rs274", "G0 X-#<a_1> Y0", &["1: `X-#<A_1>` is an expression"]);
-    check("rs274", "G0 X[#<a>+[2]] Y0", &["1: `X[#<A>+[2]]` is an expression"]);
+    check("masso", "G0 X0\nG1 X#<depth> F100", &["2: `X#<DEPTH>` is an expression"]);
+    check("masso", "G0 X-#<a_1> Y0", &["1: `X-#<A_1>` is an expression"]);
+    check("masso", "G0 X[#<a>+[2]] Y0", &["1: `X[#<A>+[2]]` is an expression"]);
     check(
-        "rs274",
+        "masso",
         "G0 X#[1+#2] Y##3",
         &["1: `X#[1+#2]` is an expression", "1: `Y##3` is an expression"],
     );
-    check("rs274", "G0 X#<open", &["1: `X#<OPEN` is an expression"]);
+    check("masso", "G0 X#<open", &["1: `X#<OPEN` is an expression"]);
+}
+
+#[test]
+fn an_error_is_reported_once_with_the_calls_and_passes_that_led_to_it() {
+    check(
+        "rs274",
+        "o<pocket> sub\no10 repeat [3]\nG1 X[1/#1] F100\no10 endrepeat\no<pocket> endsub\n\
+         o1 while [#2 LT 5]\n#2=[#2+1]\no<pocket> call [3-#2]\no1 endwhile\nG1 X#7 Y[1/0]",
+        &[
+            "3: a division by zero (pass 1 of the loop in line 2, in O<pocket>, called in line 8, \
+             pass 3 of the loop in line 6)",
+            "10: a division by zero",
+        ],
+    );
+}
+
+#[test]
+fn parameters_have_the_state_of_the_machine_or_say_that_it_is_not_known() {
+    let state = "G20 G18 G91 F10 S500 M3 M8 T2 M6 G99\nG90 G1 X1 Y2 Z3\n";
+    for (name, value) in [
+        ("_x", 1.0),
+        ("_y", 2.0),
+        ("_feed", 10.0),
+        ("_rpm", 500.0),
+        ("_metric", 0.0),
+        ("_plane", 180.0),
+        ("_absolute", 1.0),
+        ("_motion_mode", 10.0),
+        ("_spindle_cw", 1.0),
+        ("_flood", 1.0),
+        ("_mist", 0.0),
+        ("_current_tool", 2.0),
+        ("_coord_system", 540.0),
+        ("_retract_old_z", 1.0),
+        ("_line", 3.0),
+    ] {
+        let text = format!("{state}o1 if [#<{name}> NE {value}]\nG0 X[1/0]\no1 endif");
+        check("rs274", &text, &[]);
+    }
+    check("rs274", "G0 X#5420 Y#5400 Z#5220", &[]);
+    check(
+        "rs274",
+        "G28\nG0 X#<_x>",
+        &["2: #<_X> is the position of X, which is not known here"],
+    );
+    check(
+        "rs274",
+        "G0 X#5221",
+        &["1: #5221 is a work offset of the machine, which is known only there"],
+    );
+    check(
+        "rs274",
+        "#<_x>=5\n#9=1",
+        &["1: `#<_X>=5`: this parameter cannot be set, the machine gives its value"],
+    );
 }
 
 #[test]
 fn a_refused_cycle_is_one_finding_with_its_words_and_the_blocks_after_it() {
     for (control, cycle) in [
-        ("rs274", "G83 X1 Z-2 R1 Q1"),
+        ("masso", "G83 X1 Z-2 R1 Q1"),
         ("sinumerik_840c", "G81 X1 Z-2 R1 Q2"),
         ("osp_lathe", "G73 X1 Z-2 Q1"),
     ] {

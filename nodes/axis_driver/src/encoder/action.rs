@@ -2,10 +2,11 @@
 
 use super::words::{to_grid, write_word};
 use super::{
-    EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal, spindle_word,
+    EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal,
+    PREAMBLE_IN_FRAME, spindle_word,
 };
 use crate::link::LineKind;
-use cnc_msgs::contour::{Action, CoolantMode, Source};
+use cnc_msgs::contour::{Action, CoolantMode, Source, work_system};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::path::{PathEvent, Role};
 
@@ -59,13 +60,10 @@ impl Encoder {
                 self.push_action(text, LineKind::Motion, false, source)
             }
             Action::WorkOffset { system } => {
-                if !(1..=6).contains(&system) {
-                    return Err(EncodeProblem::WorkOffset { system });
-                }
+                self.check_work_system(system)?;
                 self.modal.forget(AxisSet::ALL, &event.action.text());
                 self.modal.work_system = system;
-                let text = format!("G{}", 53 + u32::from(system));
-                self.push_action(text, LineKind::Motion, true, source)
+                self.push_action(work_system(system), LineKind::Motion, true, source)
             }
             Action::Dwell { seconds } => {
                 if !(0.0..=DWELL_S_MAX).contains(&seconds) {
@@ -85,6 +83,14 @@ impl Encoder {
             Action::MachineMove { target, axes, rapid, feed_mm_per_min } => {
                 let feed = (!rapid).then_some(feed_mm_per_min);
                 self.encode_machine_move(target, axes, feed, source)
+            }
+            Action::SetWorkOffset { system, axes, origin, by_position } => {
+                self.encode_work_offset(system, axes, origin, by_position, source)
+            }
+            Action::StoreReference { second } => {
+                let text = if second { "G30.1" } else { "G28.1" };
+                // The firmware writes it to its memory, and hears nothing meanwhile.
+                self.push_action(text.into(), LineKind::Slow, true, source)
             }
             Action::ProgramEnd { rewind } => {
                 let text = if rewind { "M30" } else { "M2" };
@@ -136,12 +142,50 @@ impl Encoder {
         let tool_length_mm = self.modal.tool_length_mm;
         self.modal = Modal { work_system, tool_length, tool_length_mm, ..Modal::default() };
         self.modal.forget(axes, &word);
-        let words = format!("G21G90G94G17G40G{}", 53 + u32::from(work_system));
+        let words = format!("{PREAMBLE_IN_FRAME}{}", self::work_system(work_system));
         self.push_action(words, LineKind::Motion, true, source)?;
         match self.modal.tool_length.clone() {
             text if text.is_empty() => Ok(()),
             text => self.push_action(text, LineKind::Motion, false, source),
         }
+    }
+
+    fn check_work_system(&self, system: u8) -> Result<(), EncodeProblem> {
+        match system {
+            1..=6 => Ok(()),
+            7..=9 if self.config.has_nine_work_systems => Ok(()),
+            7..=9 => Err(EncodeProblem::Unsupported { word: work_system(system) }),
+            _ => Err(EncodeProblem::WorkOffset { system }),
+        }
+    }
+
+    /// G10 L2 and L20.
+    fn encode_work_offset(
+        &mut self,
+        system: u8,
+        axes: AxisSet,
+        origin: Position,
+        by_position: bool,
+        source: Source,
+    ) -> Result<(), EncodeProblem> {
+        self.check_work_system(system)?;
+        let mut text = format!("G10L{}P{system}", if by_position { 20 } else { 2 });
+        for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+            let steps = self.checked_position(AXIS_LETTERS[axis], origin[axis])?;
+            write_word(&mut text, AXIS_LETTERS[axis], steps);
+        }
+        if let Some(stored) = self.config.board.work_offsets.get_mut(usize::from(system) - 1)
+            && !by_position
+        {
+            for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+                stored[axis] = origin[axis];
+            }
+        }
+        if system == self.modal.work_system.max(1) {
+            self.modal.forget(axes, "G10");
+        }
+        // The firmware writes it to its memory, and hears nothing meanwhile.
+        self.push_action(text, LineKind::Slow, true, source)
     }
 
     fn encode_coolant(&mut self, mode: CoolantMode, source: Source) -> Result<(), EncodeProblem> {

@@ -18,7 +18,9 @@
 use super::{EncodeError, Encoder, EncoderConfig};
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::AxisSet;
-use cnc_msgs::path::{CompensatedPath, PastEnd, PathElement, Role, StartInSpan, in_force};
+use cnc_msgs::path::{
+    CompensatedPath, PastEnd, PathElement, PathEvent, Role, StartInSpan, in_force,
+};
 use std::sync::Arc;
 
 const Z: AxisSet = AxisSet::from_bits(0b100);
@@ -43,6 +45,11 @@ pub enum StartProblem {
         if axes.len() == 1 { "has" } else { "have" }
     )]
     UnknownPlace { line: u32, axes: String, since: String },
+    #[error(
+        "line {line} comes after {word}, which sets a work offset by the position of the tool: \
+         begin before it"
+    )]
+    OffsetByPosition { line: u32, word: String },
     #[error(transparent)]
     Encode(#[from] EncodeError),
 }
@@ -74,7 +81,7 @@ pub fn start_at(
     }
     encoder.next_element = index;
     encoder.next_event = entry.event;
-    let restored = in_force(&path.events[..encoder.next_event]);
+    let restored = restored(&path.events[..encoder.next_event], line)?;
     let source_place = path.elements[index].source;
     // Before the first motion the tool is wherever the path expects it, as for the whole.
     let place = match index {
@@ -113,6 +120,23 @@ pub fn start_at(
     };
     pushed.map_err(|problem| StartProblem::Encode(EncodeError { source_place, problem }))?;
     Ok((encoder, index))
+}
+
+/// The words before a line that are sent again: work offsets that the controller is to store, then
+/// those in force.
+fn restored(events: &[PathEvent], line: u32) -> Result<Vec<PathEvent>, StartProblem> {
+    let mut restored = Vec::new();
+    for event in events {
+        match event.action {
+            Action::SetWorkOffset { by_position: false, .. } => restored.push(*event),
+            Action::SetWorkOffset { by_position: true, .. } => {
+                return Err(StartProblem::OffsetByPosition { line, word: event.action.text() });
+            }
+            _ => {}
+        }
+    }
+    restored.extend(in_force(events));
+    Ok(restored)
 }
 
 /// What the program has said of the place where an element begins.
@@ -161,7 +185,7 @@ impl KnownPlace {
     fn follow(&mut self, action: &Action) {
         let all_if_none = |axes: AxisSet| if axes.is_empty() { AxisSet::ALL } else { axes };
         let moved = match action {
-            Action::MachineMove { axes, .. } => *axes,
+            Action::MachineMove { axes, .. } | Action::SetWorkOffset { axes, .. } => *axes,
             Action::Reference { axes, .. } | Action::Home { axes } => all_if_none(*axes),
             // What was never named is where it is in every frame.
             Action::WorkOffset { .. } => AxisSet::ALL.without(self.untouched),

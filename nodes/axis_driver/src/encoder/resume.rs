@@ -3,9 +3,9 @@
 
 use super::action::word_after;
 use super::config::Board;
-use super::{EncodeProblem, Encoder, EncoderStep};
+use super::{EncodeProblem, Encoder, EncoderStep, PREAMBLE_IN_FRAME};
 use crate::link::LineKind;
-use cnc_msgs::contour::{Action, CoolantMode, Source};
+use cnc_msgs::contour::{Action, CoolantMode, Source, work_system};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
 use cnc_msgs::path::{CompensatedPath, in_force};
 
@@ -61,8 +61,8 @@ impl Encoder {
 
     fn push_words(&mut self) -> Result<(), EncodeProblem> {
         let source = self.source_of_change();
-        let work_system = self.modal.work_system.max(1);
-        let words = format!("G21G90G94G17G40G{}", 53 + u32::from(work_system));
+        let system = self.modal.work_system.max(1);
+        let words = format!("{PREAMBLE_IN_FRAME}{}", work_system(system));
         self.push_action(words, LineKind::Motion, true, source)?;
         let length = match self.modal.tool_length.as_str() {
             "" => "G49".to_owned(),

@@ -65,6 +65,7 @@ impl Emitter {
             | Action::Home { .. }
             | Action::MachineMove { .. }
             | Action::WorkOffset { .. }
+            | Action::SetWorkOffset { .. }
             | Action::ToolLength { .. }
             | Action::ChangeTool { .. } => self.sent = AxisSet::NONE,
             _ => {}

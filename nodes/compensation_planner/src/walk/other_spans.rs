@@ -27,8 +27,9 @@ use std::ops::ControlFlow;
 /// Findings of this kind in a program; more help nobody.
 const FINDINGS_MAX: usize = 100;
 
-/// What identifies a part: a plane, and the number of a work coordinate system.
-type Part = (Plane, u8);
+/// What identifies a part: a plane, the number of a work coordinate system, and how often such a
+/// system has been moved.
+type Part = (Plane, u8, u32);
 
 /// The contours of the spans so far.
 #[derive(Debug)]
@@ -40,6 +41,7 @@ pub(crate) struct EarlierSpans<'a> {
     places: SpanIndex,
     known: BTreeMap<Fingerprint, Vec<usize>>,
     work_system: u8,
+    systems_moved: u32,
     /// Boxes that may still be visited.
     budget: usize,
     /// How many findings may still be reported.
@@ -87,6 +89,7 @@ impl<'a> EarlierSpans<'a> {
             places: SpanIndex::default(),
             known: BTreeMap::new(),
             work_system: 1,
+            systems_moved: 0,
             budget: budget(0),
             findings_left: FINDINGS_MAX,
         }
@@ -94,8 +97,10 @@ impl<'a> EarlierSpans<'a> {
 
     /// Follows the work coordinate system.
     pub(crate) fn action(&mut self, action: &Action) {
-        if let Action::WorkOffset { system } = action {
-            self.work_system = *system;
+        match action {
+            Action::WorkOffset { system } => self.work_system = *system,
+            Action::SetWorkOffset { .. } => self.systems_moved += 1,
+            _ => {}
         }
     }
 
@@ -108,7 +113,7 @@ impl<'a> EarlierSpans<'a> {
         profile: &Profile,
         said: &[Finding],
     ) -> Option<Finding> {
-        let part = (span.plane, self.work_system);
+        let part = (span.plane, self.work_system, self.systems_moved);
         for item in &span.items {
             if let ItemKind::Action(action) = &item.what {
                 self.action(action);

@@ -206,6 +206,7 @@ impl Rules<'_> {
         match action {
             Action::ProgramEnd { .. } => false,
             Action::WorkOffset { .. }
+            | Action::SetWorkOffset { .. }
             | Action::Reference { .. }
             | Action::MachineMove { .. }
             | Action::ChangeTool { .. } => self.permit(
@@ -256,6 +257,7 @@ fn name(action: &Action) -> String {
         Action::ToolLength { .. } => "a change of the length offset".into(),
         Action::Reference { .. } => "a move to the reference point".into(),
         Action::MachineMove { .. } => "a move in machine coordinates".into(),
+        Action::SetWorkOffset { .. } => "a change of a work offset".into(),
         _ => action.text(),
     }
 }

@@ -18,6 +18,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         delete_levels: false,
         calls: true,
         axis_names_after: Some(44.0),
+        parameters: false,
         names: false,
     },
     g,

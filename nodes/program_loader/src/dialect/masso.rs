@@ -13,6 +13,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         delete_levels: false,
         calls: false,
         axis_names_after: None,
+        parameters: false,
         names: false,
     },
     g,

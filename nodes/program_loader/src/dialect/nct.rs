@@ -18,6 +18,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         delete_levels: true,
         calls: false,
         axis_names_after: None,
+        parameters: false,
         names: false,
     },
     g,

@@ -1,6 +1,9 @@
 //! RS-274/NGC as in LinuxCNC, or as in grbl where LinuxCNC leaves a choice.
 
-use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
+use super::{
+    ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, Letters, MWord, Mode,
+    OffsetWord, Units,
+};
 use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
@@ -13,6 +16,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         delete_levels: false,
         calls: false,
         axis_names_after: None,
+        parameters: true,
         names: false,
     },
     g,
@@ -44,9 +48,35 @@ fn g(tenths: u16) -> GWord {
         411 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: true },
         421 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: true },
         50..=53 => GWord::RefusedMotion(NURBS),
+        70 => GWord::Diameter(true),
+        80 => GWord::Diameter(false),
+        100 => GWord::Offset(OffsetWord::Set),
+        281 => GWord::Offset(OffsetWord::StoreReference { second: false }),
+        301 => GWord::Offset(OffsetWord::StoreReference { second: true }),
+        520 => GWord::Offset(OffsetWord::Local),
+        591..=593 => GWord::WorkOffset((tenths - 584) as u8),
+        920 => GWord::Offset(OffsetWord::Axis),
+        921 => GWord::Offset(OffsetWord::AxisOff { keeps: false }),
+        922 => GWord::Offset(OffsetWord::AxisOff { keeps: true }),
+        923 => GWord::Offset(OffsetWord::AxisRestore),
+        730 => GWord::Motion(Mode::Cycle(Cycle::ChipBreak)),
+        740 => GWord::Motion(Mode::Cycle(Cycle::Tap { left_hand: true })),
+        810 => GWord::Motion(Mode::Cycle(Cycle::Drill)),
+        820 => GWord::Motion(Mode::Cycle(Cycle::DrillAndDwell)),
+        830 => GWord::Motion(Mode::Cycle(Cycle::Peck)),
+        840 => GWord::Motion(Mode::Cycle(Cycle::Tap { left_hand: false })),
+        850 => GWord::Motion(Mode::Cycle(Cycle::Bore)),
+        860 => GWord::Motion(Mode::Cycle(Cycle::BoreAndStop)),
+        890 => GWord::Motion(Mode::Cycle(Cycle::BoreAndDwell)),
+        870 | 880 => GWord::RefusedMotion("LinuxCNC does not have it either; write it as moves"),
+        760 => GWord::RefusedMotion(THREAD),
+        930 => GWord::FeedMode(FeedMode::InverseTime),
+        940 => GWord::FeedMode(FeedMode::PerMinute),
+        950 => GWord::FeedMode(FeedMode::PerRevolution),
+        980 => GWord::Retract { to_r: false },
+        990 => GWord::Retract { to_r: true },
         330 | 331 => GWord::RefusedMotion(THREAD),
         431 | 432 => GWord::Refused(LENGTH),
-        591..=593 => GWord::Refused("use G54 to G59"),
         _ => common(tenths),
     }
 }
@@ -98,6 +128,9 @@ pub(super) fn common(tenths: u16) -> GWord {
 fn m(number: u16) -> MWord {
     match number {
         48 | 49 | 100..=199 => MWord::Auxiliary { after_motion: false },
+        60 => MWord::Stop { optional: false },
+        98 => MWord::CallProgram,
+        99 => MWord::EndProgram,
         _ => common_m(number),
     }
 }

@@ -17,6 +17,7 @@ pub(super) static DIALECT: Dialect = Dialect {
         delete_levels: true,
         calls: false,
         axis_names_after: Some(16.0),
+        parameters: false,
         names: false,
     },
     g,

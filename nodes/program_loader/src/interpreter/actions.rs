@@ -2,14 +2,18 @@
 //! and the machine's own functions.
 
 use super::axes::Cause;
-use super::{Interpreter, Scene};
+use super::{After, Interpreter, Scene};
 use crate::dialect::{GWord, Group, MWord, RadiusWord};
 use crate::limits::{
     DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, FEED_MM_PER_MIN_MAX, NUMBER_MAX, SPINDLE_RPM_MAX,
 };
-use cnc_msgs::contour::{Action, ContourEventKind, RadiusSource};
+use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, RadiusSource};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
+
+/// The words of the work systems 1 to 9.
+const WORK_SYSTEMS: [&str; 9] =
+    ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
 
 impl Interpreter<'_> {
     /// F.
@@ -21,6 +25,8 @@ impl Interpreter<'_> {
         };
         self.modal.feed_is_poisoned = feed < 0.0 || feed.is_nan();
         self.modal.feed_mm_per_min = if self.modal.feed_is_poisoned { 0.0 } else { feed };
+        self.modal.programmed_feed = self.modal.feed_mm_per_min / scale;
+        self.feed_in_mode();
         if feed < 0.0 {
             self.negative(scene, b'F');
         }
@@ -33,6 +39,8 @@ impl Interpreter<'_> {
             if rpm < 0.0 {
                 self.negative(scene, b'S');
             } else {
+                self.modal.rpm = if rpm.is_nan() { 0.0 } else { rpm };
+                self.feed_in_mode();
                 self.act(Action::SpindleSpeed { rpm });
             }
         }
@@ -79,7 +87,24 @@ impl Interpreter<'_> {
         self.emit(ContourEventKind::Radius(RadiusSource::Nose(nose)));
     }
 
+    /// P and L of M98.
+    fn program_to_call(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let program = self.take_number(scene, b'P');
+        let times = self.take_number(scene, b'L');
+        self.called = program.map(|program| (program, times.unwrap_or(1)));
+        if program.is_none() && !self.request.present.contains(b'P') {
+            let message = format!("{} without P", scene.quote(at));
+            let help = "write P with the number of the program";
+            self.report_at(scene, at, Code::MissingWord, message, help);
+        }
+    }
+
     fn m_functions(&mut self, scene: &mut Scene<'_>) {
+        self.called = None;
+        let call = self.request.m().find(|(meaning, _, _)| *meaning == MWord::CallProgram);
+        if let Some((_, _, at)) = call {
+            self.program_to_call(scene, at);
+        }
         let change = self.request.m().find(|(meaning, _, _)| *meaning == MWord::ChangeTool);
         if let Some((_, _, at)) = change {
             self.change_tool(scene, at);
@@ -90,8 +115,17 @@ impl Interpreter<'_> {
             while let Some((meaning, number, _)) = self.request.m_at(next) {
                 next += 1;
                 match (kind, meaning) {
-                    (0, MWord::Spindle(mode)) => self.act(Action::Spindle(mode)),
-                    (1, MWord::Coolant(mode)) => self.act(Action::Coolant(mode)),
+                    (0, MWord::Spindle(mode)) => {
+                        self.modal.spindle = mode;
+                        self.act(Action::Spindle(mode));
+                    }
+                    (1, MWord::Coolant(mode)) => {
+                        self.modal.mist = mode == CoolantMode::Mist
+                            || self.modal.mist && mode != CoolantMode::Off;
+                        self.modal.flood = mode == CoolantMode::Flood
+                            || self.modal.flood && mode != CoolantMode::Off;
+                        self.act(Action::Coolant(mode));
+                    }
                     (2, MWord::Auxiliary { after_motion: false }) => {
                         self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
                     }
@@ -112,22 +146,36 @@ impl Interpreter<'_> {
         }
     }
 
-    /// M functions after the motion, and stops; returns whether the program ends.
+    /// M functions after the motion, and stops; returns what follows.
     #[inline]
-    pub(super) fn functions_after_motion(&mut self) -> bool {
+    pub(super) fn functions_after_motion(&mut self) -> After {
         let mut next = 0;
-        let mut ends = false;
+        let mut after = After::Block;
         while let Some((meaning, number, _)) = self.request.m_at(next) {
             next += 1;
             match meaning {
                 MWord::Auxiliary { after_motion: true } => {
                     self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
                 }
-                MWord::Stop { .. } | MWord::ProgramEnd { .. } => ends |= self.stop(meaning),
+                MWord::Stop { .. } | MWord::ProgramEnd { .. } => {
+                    if self.stop(meaning) {
+                        after = After::End;
+                    }
+                }
+                MWord::EndProgram => after = After::EndOfProgram,
+                MWord::CallProgram => after = self.called_program(),
                 _ => {}
             }
         }
-        ends
+        after
+    }
+
+    /// M98: P and L have been taken by `m_functions`.
+    fn called_program(&self) -> After {
+        match self.called {
+            Some((program, times)) if !self.request.is_damaged => After::Call { program, times },
+            _ => After::Block,
+        }
     }
 
     fn stop(&mut self, meaning: MWord) -> bool {
@@ -223,8 +271,7 @@ impl Interpreter<'_> {
             self.act(Action::WorkOffset { system });
             if self.modal.work_offset != system {
                 self.modal.work_offset = system;
-                let word =
-                    ["G54", "G55", "G56", "G57", "G58", "G59"][usize::from(system.clamp(1, 6) - 1)];
+                let word = WORK_SYSTEMS[usize::from(system.clamp(1, 9) - 1)];
                 self.axes.lose(AxisSet::ALL, Cause { source: self.source, word });
             }
         }

@@ -3,6 +3,8 @@
 //! Plane geometry in millimetres, without words and axes. The checks and their tolerances are
 //! LinuxCNC's, with grbl's upper limit.
 
+use cnc_msgs::geometry::{Arc, Position};
+
 use crate::limits::{
     ARC_MISMATCH_MM_MAX, ARC_MISMATCH_RELATIVE, COORDINATE_MM_MAX, FULL_CIRCLE_RELATIVE,
 };
@@ -30,6 +32,22 @@ pub(super) enum ArcTrouble {
     NoChord,
     /// The radius is larger than the limit of coordinates.
     TooLarge { radius_mm: f64 },
+}
+
+/// The length of an arc or helix, mm.
+pub(super) fn length(start: Position, end: Position, arc: &Arc) -> f64 {
+    let [first, second, across] = arc.plane.axes();
+    let from = [start[first] - arc.center[first], start[second] - arc.center[second]];
+    let to = [end[first] - arc.center[first], end[second] - arc.center[second]];
+    let (from, to) = if arc.clockwise { (to, from) } else { (from, to) };
+    let sine = from[0] * to[1] - from[1] * to[0];
+    let cosine = from[0] * to[0] + from[1] * to[1];
+    let angle = sine.atan2(cosine).rem_euclid(std::f64::consts::TAU);
+    // A full circle ends where it starts, and has a turn more.
+    let is_closed = start[first] == end[first] && start[second] == end[second];
+    let part = if is_closed { 0.0 } else { angle };
+    let sweep = part + f64::from(arc.turns) * std::f64::consts::TAU;
+    (sweep * from[0].hypot(from[1])).hypot(end[across] - start[across])
 }
 
 /// Checks an arc about a given centre. `mismatch_mm` is the allowed difference of its radii.

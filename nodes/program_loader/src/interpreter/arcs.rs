@@ -46,6 +46,7 @@ impl Interpreter<'_> {
         let arc = Arc { center, plane, clockwise, turns };
         self.bounds.add_arc(start, end.position, &arc);
         self.bounds.add_end(end.position, end.named);
+        self.feed_of_length(MotionClass::Feed, || arc::length(start, end.position, &arc));
         // An arc determines both axes of its plane, even if it names one or none.
         let axes = end.named.union(in_plane);
         self.emit_motion(Shape::Arc(arc), end.position, MotionClass::Feed, axes);
@@ -125,7 +126,8 @@ impl Interpreter<'_> {
         let resolved = if let Some(radius) = radius {
             arc::with_radius(from, to, radius, clockwise, short)
         } else {
-            let base = if is_absolute { [0.0; 2] } else { from };
+            let shift = [self.modal.shift[first], self.modal.shift[second]];
+            let base = if is_absolute { shift } else { from };
             let center = [base[0] + offsets[0].unwrap_or(0.0), base[1] + offsets[1].unwrap_or(0.0)];
             arc::about_center(from, to, center, mismatch)
         };

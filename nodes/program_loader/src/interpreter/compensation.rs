@@ -51,6 +51,11 @@ impl Compensation {
         self.was_selected
     }
 
+    /// The side in force.
+    pub(super) fn side(&self) -> Option<CutterSide> {
+        self.side
+    }
+
     #[inline]
     pub(super) fn is_selected(&self) -> bool {
         self.selected.is_some()

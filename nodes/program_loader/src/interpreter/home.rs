@@ -51,7 +51,9 @@ impl Interpreter<'_> {
     pub(super) fn machine_move(&mut self, scene: &mut Scene<'_>, at: usize) {
         let position = self.axes.position;
         let distance = std::mem::replace(&mut self.modal.distance, Distance::Absolute);
+        let shift = std::mem::take(&mut self.modal.shift);
         let end = self.end(scene);
+        self.modal.shift = shift;
         self.modal.distance = distance;
         self.axes.position = position;
         let rapid = match self.modal.mode {

@@ -6,7 +6,7 @@
 use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
 use crate::block::Word;
-use crate::dialect::{Distance, GWord, Group, Letters, Mode};
+use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
 use cnc_msgs::finding::{Code, Finding};
@@ -32,9 +32,13 @@ impl Interpreter<'_> {
         if self.request.g(Group::CycleCancel).is_some() {
             // It ends a cycle that was rejected: the moves after it are unknown, too.
             self.modal.mode = None;
+            self.end_cycles();
         }
         match word {
             Some((GWord::Motion(mode), _)) => {
+                if !matches!(mode, Mode::Cycle(_)) {
+                    self.end_cycles();
+                }
                 self.modal.mode = Some(mode);
                 self.modal.mode_is_poisoned = false;
             }
@@ -57,6 +61,9 @@ impl Interpreter<'_> {
             // The block only names axes.
             return;
         }
+        if self.only_sets_offsets() {
+            return;
+        }
         if let Some((GWord::Reference { second }, at)) = self.request.g(Group::NonModal) {
             return self.reference(scene, second, at);
         }
@@ -69,6 +76,9 @@ impl Interpreter<'_> {
         let is_polar = matches!(self.modal.mode, Some(Mode::Polar { .. }));
         let has_polar = is_polar && !self.request.present.intersection(POLAR).is_empty();
         if !has_axes && !has_circle && !has_polar {
+            if let Some((GWord::Motion(Mode::Cycle(cycle)), at)) = word {
+                self.cycle_without_axes(scene, cycle, at);
+            }
             return;
         }
         if self.modal.mode_is_poisoned {
@@ -96,6 +106,7 @@ impl Interpreter<'_> {
             Some(Mode::Rapid) => self.straight(scene, MotionClass::Rapid),
             Some(Mode::Feed) => self.straight(scene, MotionClass::Feed),
             Some(Mode::Arc { clockwise }) => self.arc(scene, clockwise),
+            Some(Mode::Cycle(cycle)) => self.cycle(scene, cycle),
             Some(Mode::Polar { rapid }) => {
                 self.polar(scene, if rapid { MotionClass::Rapid } else { MotionClass::Feed });
             }
@@ -126,7 +137,8 @@ impl Interpreter<'_> {
         for (axis, letter) in AXIS_WORDS.into_iter().enumerate() {
             let scale = self.scale_of(axis);
             if let Some(value) = self.take_within(scene, letter, scale, COORDINATE_MM_MAX, "mm") {
-                let base = if is_relative { self.axes.position[axis] } else { 0.0 };
+                let base =
+                    if is_relative { self.axes.position[axis] } else { self.modal.shift[axis] };
                 end.position[axis] = base + value;
                 end.named = end.named.with(axis);
                 if end.position[axis].abs() > COORDINATE_MM_MAX {
@@ -143,7 +155,7 @@ impl Interpreter<'_> {
     /// Millimetres of one unit of an axis word; a diameter counts half.
     #[inline]
     fn scale_of(&self, axis: usize) -> f64 {
-        let is_diameter = axis == 0 && self.rules.x_is_diameter;
+        let is_diameter = axis == 0 && self.modal.x_is_diameter;
         if is_diameter { self.scale() / 2.0 } else { self.scale() }
     }
 
@@ -161,7 +173,9 @@ impl Interpreter<'_> {
         let end = self.end(scene);
         let relied = end.relative.union(self.relied_by_compensation(end.named));
         let is_sound = self.relies(scene, relied) & self.has_feed(scene, class);
+        let from = self.axes.position;
         if self.arrive(&end) && is_sound {
+            self.feed_of_length(class, || distance(from, end.position));
             self.bounds.add_end(end.position, end.named);
             self.emit_motion(Shape::Line, end.position, class, end.named);
         }
@@ -286,6 +300,9 @@ impl Interpreter<'_> {
         if class == MotionClass::Rapid || self.modal.feed_mm_per_min > 0.0 {
             return true;
         }
+        if self.modal.feed_mode != FeedMode::PerMinute {
+            return self.has_unusual_feed(scene);
+        }
         if !self.modal.feed_is_poisoned {
             self.modal.feed_is_poisoned = true;
             let message = "this move needs a feed rate, and none has been programmed".to_owned();
@@ -296,4 +313,9 @@ impl Interpreter<'_> {
         }
         false
     }
+}
+
+/// The length of a straight move, mm.
+pub(super) fn distance(from: Position, to: Position) -> f64 {
+    (to[0] - from[0]).hypot(to[1] - from[1]).hypot(to[2] - from[2])
 }

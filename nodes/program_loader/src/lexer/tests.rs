@@ -9,7 +9,8 @@ fn lex(text: &str, dialect: Dialect) -> (String, Option<u32>, Vec<String>) {
     let mut block = Block::default();
     let mut findings = Findings::default();
     let line = Line { number: 1, text: text.as_bytes() };
-    read(line, &dialect::of(dialect).lexer, &mut block, &mut findings);
+    let values = crate::parameters::Parameters::default();
+    read(line, &dialect::of(dialect).lexer, &mut block, &mut findings, &values);
     let words: Vec<String> = block
         .words
         .iter()
@@ -99,16 +100,12 @@ fn a_word_without_a_good_number_is_reported_once_and_stays_present() {
         ("X1.2.3", "XNaN@0..6", vec!["bad_number 1+6"]),
         ("X. Y1", "XNaN@0..2 Y1@3..5", vec!["bad_number 1+2"]),
         ("X1e5Y2", "XNaN@0..4 Y2@4..6", vec!["bad_number 1+4"]),
-        ("X[1+2] Y2", "XNaN@0..6 Y2@7..9", vec!["unsupported 1+6"]),
-        ("X#1 Y2", "XNaN@0..3 Y2@4..6", vec!["unsupported 1+3"]),
-        ("X-#<_a>", "XNaN@0..2 ANaN@4..5", vec!["bad_number 1+2", "unsupported 3+2"]),
+        ("X[1/0] Y2", "XNaN@0..7 Y2@7..9", vec!["bad_number 4+2"]),
+        ("X#<depth> Y2", "XNaN@0..10 Y2@10..12", vec!["bad_number 2+8"]),
+        ("X-#<_a>", "XNaN@0..7", vec!["bad_number 3+5"]),
+        ("X[1+2 Y2", "XNaN@0..8", vec!["bad_number 7+1"]),
     ] {
         let (seen, _, seen_found) = lex(text, Dialect::Rs274);
-        if text == "X-#<_a>" {
-            // Whatever words it yields, it is rejected.
-            assert!(!seen_found.is_empty());
-            continue;
-        }
         assert_eq!(
             (seen.as_str(), seen_found),
             (words, found.iter().map(ToString::to_string).collect()),
@@ -128,8 +125,11 @@ fn text_that_is_not_a_word_is_rejected_at_its_place() {
         ("G1 a)", "G1@0..2 ANaN@3..4", "bad_number 4+1"),
         ("(a (b) c) G1", "G1@10..12", "syntax 4+1"),
         ("G1 / X1", "G1@0..2 X1@5..7", "syntax 4+1"),
-        ("#1=5", "", "unsupported 1+4"),
-        ("o100 sub (x)", "", "unsupported 1+8"),
+        ("#1", "", "syntax 1+2"),
+        ("#<a=5", "", "bad_number 1+1"),
+        ("#1=", "", "bad_number 3+1"),
+        ("X1 [2]", "X1@0..2", "syntax 4+1"),
+        ("X1 o100", "X1@0..2", "syntax 4+4"),
         ("$H", "", "unsupported 1+2"),
         ("G1\rX1", "G1@0..2", "syntax 3+1"),
         ("G1\0X1", "G1@0..2", "syntax 3+1"),
@@ -138,6 +138,34 @@ fn text_that_is_not_a_word_is_rejected_at_its_place() {
         let (seen, _, seen_found) = lex(text, Dialect::Rs274);
         assert_eq!((seen.as_str(), seen_found[0].as_str()), (words, found), "{text:?}");
     }
+}
+
+#[test]
+fn a_value_may_be_an_expression() {
+    check("X[1+2] Y2", "X3@0..6 Y2@7..9");
+    check("X-[2*3]Y#5Z+SIN[90]", "X-6@0..7 Y0@7..10 Z1@10..19");
+    check("G [10*9] x[ 1 ]", "G90@0..8 X1@9..15");
+    check("O1001 (NAME) G90", "G90@13..16");
+    for dialect in [Dialect::Masso, Dialect::Nct, Dialect::Sinumerik840c, Dialect::OspLathe] {
+        let (_, _, found) = lex("X[1+2] Y2", dialect);
+        assert_eq!(found[0], "unsupported 1+6", "{dialect:?}");
+    }
+}
+
+#[test]
+fn a_block_sets_parameters_with_the_values_before_it() {
+    let mut block = Block::default();
+    let mut findings = Findings::default();
+    let line = Line { number: 1, text: b"#1=5 G1 X#1 #<De pth>=[#1+2.5]" };
+    let mut values = crate::parameters::Parameters::default();
+    values.set(&Parameter::Numbered(1), 15.0).expect("a parameter");
+    read(line, &dialect::of(Dialect::Rs274).lexer, &mut block, &mut findings, &values);
+    let set: Vec<_> =
+        block.assignments.iter().map(|it| (it.parameter.clone(), it.value)).collect();
+    let name = Parameter::Named("depth".into());
+    assert_eq!(set, [(Parameter::Numbered(1), 5.0), (name, 17.5)]);
+    assert_eq!(block.words[1].value, 15.0);
+    assert_eq!(findings.count(), 0);
 }
 
 #[test]

@@ -1,0 +1,200 @@
+//! The operators and functions of expressions.
+
+use super::Trouble;
+
+/// Values that differ by less are equal for EQ, NE, GE and LE (LinuxCNC).
+const EQUAL_TOLERANCE: f64 = 1e-6;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Operator {
+    Power,
+    Times,
+    Over,
+    Modulo,
+    Plus,
+    Minus,
+    Equal,
+    NotEqual,
+    Greater,
+    GreaterOrEqual,
+    Less,
+    LessOrEqual,
+    And,
+    Or,
+    ExclusiveOr,
+}
+
+impl Operator {
+    const ALL: [(&'static str, Self); 15] = [
+        ("**", Self::Power),
+        ("*", Self::Times),
+        ("/", Self::Over),
+        ("+", Self::Plus),
+        ("-", Self::Minus),
+        ("MOD", Self::Modulo),
+        ("EQ", Self::Equal),
+        ("NE", Self::NotEqual),
+        ("GT", Self::Greater),
+        ("GE", Self::GreaterOrEqual),
+        ("LT", Self::Less),
+        ("LE", Self::LessOrEqual),
+        ("AND", Self::And),
+        ("OR", Self::Or),
+        ("XOR", Self::ExclusiveOr),
+    ];
+
+    /// The operator that the text begins with, and the bytes that it takes.
+    pub(super) fn read(text: &[u8]) -> Option<(Self, usize)> {
+        Self::ALL
+            .iter()
+            .find_map(|&(name, operator)| Some((operator, spelled(text, name)?)))
+    }
+
+    /// Higher ones are applied first; equal ones from left to right.
+    pub(super) const fn precedence(self) -> u8 {
+        match self {
+            Self::And | Self::Or | Self::ExclusiveOr => 0,
+            Self::Equal
+            | Self::NotEqual
+            | Self::Greater
+            | Self::GreaterOrEqual
+            | Self::Less
+            | Self::LessOrEqual => 1,
+            Self::Plus | Self::Minus => 2,
+            Self::Times | Self::Over | Self::Modulo => 3,
+            Self::Power => 4,
+        }
+    }
+
+    pub(super) fn apply(self, left: f64, right: f64) -> Result<f64, Trouble> {
+        if left.is_nan() || right.is_nan() {
+            return Ok(f64::NAN);
+        }
+        let truth = |is_true: bool| f64::from(u8::from(is_true));
+        let is_equal = (left - right).abs() < EQUAL_TOLERANCE;
+        let value = match self {
+            Self::Plus => left + right,
+            Self::Minus => left - right,
+            Self::Times => left * right,
+            Self::Over | Self::Modulo if right == 0.0 => return Err(Trouble::DivisionByZero),
+            Self::Over => left / right,
+            Self::Modulo => {
+                let rest = left % right;
+                if rest < 0.0 { rest + right.abs() } else { rest }
+            }
+            Self::Power if left < 0.0 && right.fract() != 0.0 => {
+                return Err(Trouble::NegativePower { base: left, exponent: right });
+            }
+            Self::Power => left.powf(right),
+            Self::Equal => truth(is_equal),
+            Self::NotEqual => truth(!is_equal),
+            Self::Greater => truth(left > right),
+            Self::GreaterOrEqual => truth(left > right || is_equal),
+            Self::Less => truth(left < right),
+            Self::LessOrEqual => truth(left < right || is_equal),
+            Self::And => truth(left != 0.0 && right != 0.0),
+            Self::Or => truth(left != 0.0 || right != 0.0),
+            Self::ExclusiveOr => truth((left != 0.0) != (right != 0.0)),
+        };
+        finite(value)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Function {
+    Abs,
+    Acos,
+    Asin,
+    Atan,
+    Cos,
+    Exists,
+    Exp,
+    Fix,
+    Fup,
+    Ln,
+    Round,
+    Sin,
+    Sqrt,
+    Tan,
+}
+
+impl Function {
+    const ALL: [(&'static str, Self); 14] = [
+        ("ABS", Self::Abs),
+        ("ACOS", Self::Acos),
+        ("ASIN", Self::Asin),
+        ("ATAN", Self::Atan),
+        ("COS", Self::Cos),
+        ("EXISTS", Self::Exists),
+        ("EXP", Self::Exp),
+        ("FIX", Self::Fix),
+        ("FUP", Self::Fup),
+        ("LN", Self::Ln),
+        ("ROUND", Self::Round),
+        ("SIN", Self::Sin),
+        ("SQRT", Self::Sqrt),
+        ("TAN", Self::Tan),
+    ];
+
+    /// The function that the text begins with, and the bytes that it takes.
+    pub(super) fn read(text: &[u8]) -> Option<(Self, usize)> {
+        Self::ALL
+            .iter()
+            .find_map(|&(name, function)| Some((function, spelled(text, name)?)))
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, function)| *function == self).map_or("", |(name, _)| name)
+    }
+
+    /// `second` is the denominator of ATAN.
+    pub(super) fn apply(self, argument: f64, second: Option<f64>) -> Result<f64, Trouble> {
+        if argument.is_nan() || second.is_some_and(f64::is_nan) {
+            return Ok(f64::NAN);
+        }
+        let outside = |allowed| {
+            Err(Trouble::OutOfDomain { function: self.name(), value: argument, allowed })
+        };
+        let is_ratio = (-1.0..=1.0).contains(&argument);
+        let value = match self {
+            Self::Abs => argument.abs(),
+            Self::Acos | Self::Asin if !is_ratio => return outside("from -1 to 1"),
+            Self::Acos => argument.acos().to_degrees(),
+            Self::Asin => argument.asin().to_degrees(),
+            Self::Atan => argument.atan2(second.unwrap_or(1.0)).to_degrees(),
+            Self::Cos => argument.to_radians().cos(),
+            // It is asked of a parameter, not of a value.
+            Self::Exists => 1.0,
+            Self::Exp => argument.exp(),
+            Self::Fix => argument.floor(),
+            Self::Fup => argument.ceil(),
+            Self::Ln if argument <= 0.0 => return outside("above 0"),
+            Self::Ln => argument.ln(),
+            Self::Round => argument.round(),
+            Self::Sin => argument.to_radians().sin(),
+            Self::Sqrt if argument < 0.0 => return outside("from 0 on"),
+            Self::Sqrt => argument.sqrt(),
+            Self::Tan => argument.to_radians().tan(),
+        };
+        finite(value)
+    }
+}
+
+fn finite(value: f64) -> Result<f64, Trouble> {
+    if value.is_finite() { Ok(value) } else { Err(Trouble::NotFinite) }
+}
+
+/// The bytes that a name takes at the beginning of the text, in any case and with blanks inside.
+pub(crate) fn spelled(text: &[u8], name: &str) -> Option<usize> {
+    let mut at = 0;
+    for (index, letter) in name.bytes().enumerate() {
+        if index > 0 {
+            at = super::skip_blanks(text, at);
+        }
+        if !text.get(at)?.eq_ignore_ascii_case(&letter) {
+            return None;
+        }
+        at += 1;
+    }
+    Some(at)
+}

@@ -1,0 +1,577 @@
+//! Which line comes next: subroutines, loops, conditions, M98 and M99.
+//!
+//! Knows places in the text and what is running; blocks and their words are the lexer's and the
+//! interpreter's. A program without O words never comes here.
+
+mod map;
+mod statement;
+
+use crate::expression::{self, ExpressionError};
+use crate::findings::Findings;
+use crate::limits::FlowLimits;
+use crate::line::Line;
+use crate::parameters::{ARGUMENTS, Parameters};
+use crate::values::Values;
+use cnc_msgs::contour::Source;
+use cnc_msgs::finding::{Code, Finding};
+pub(crate) use map::{Cursor, FlowMap};
+use map::{line_at, shown};
+use statement::{Keyword, Name, Statement};
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+/// What comes after a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Next {
+    /// The line after it.
+    Line,
+    /// The rest of this line is a block.
+    Block,
+    Jump(Cursor),
+    /// Nothing: an error has been reported.
+    Stop,
+}
+
+/// Where the program is among its subroutines and loops.
+#[derive(Debug)]
+pub(crate) struct Flow<'t> {
+    text: &'t [u8],
+    map: FlowMap,
+    limits: FlowLimits,
+    /// The main program, then each subroutine that is running.
+    frames: Vec<Frame>,
+    executed: u64,
+    reported: BTreeSet<(u32, u16, Code)>,
+}
+
+/// The main program or a subroutine.
+#[derive(Debug, Default)]
+struct Frame {
+    loops: Vec<Loop>,
+    /// Nothing for the main program.
+    call: Option<Call>,
+}
+
+#[derive(Debug)]
+struct Call {
+    /// The statement that the subroutine begins with.
+    entry: usize,
+    return_to: Cursor,
+    /// The line of the call.
+    line: u32,
+    /// Of a subroutine with arguments: `#1` to `#30` before it.
+    saved: Option<Box<[f64; ARGUMENTS]>>,
+    /// Calls after this one (M98 L), and which this one is.
+    repeats: u32,
+    pass: u32,
+}
+
+#[derive(Debug)]
+struct Loop {
+    /// The statement that the loop begins with.
+    entry: usize,
+    /// From 1.
+    pass: u64,
+    /// Of a `repeat`: passes after this one.
+    rest: u64,
+}
+
+/// What a statement may ask and change.
+pub(crate) struct World<'w, 'r> {
+    pub(crate) parameters: &'w mut Parameters,
+    pub(crate) interpreter: &'w crate::interpreter::Interpreter<'r>,
+    pub(crate) findings: &'w mut Findings,
+}
+
+impl<'t> Flow<'t> {
+    pub(crate) fn new(text: &'t [u8], map: FlowMap, limits: FlowLimits) -> Self {
+        Self {
+            text,
+            map,
+            limits,
+            frames: vec![Frame::default()],
+            executed: 0,
+            reported: BTreeSet::new(),
+        }
+    }
+
+    /// Subroutines that are running.
+    pub(crate) fn depth(&self) -> usize {
+        self.frames.len() - 1
+    }
+
+    /// Whether programs of their own may follow the end of the main program.
+    pub(crate) fn has_programs(&self) -> bool {
+        !self.map.programs.is_empty() || !self.map.subs.is_empty()
+    }
+
+    /// Counts a line; returns whether it may be executed. `events` so far count as well: a cycle
+    /// makes many of one line.
+    pub(crate) fn count(&mut self, line: Line<'_>, events: usize, findings: &mut Findings) -> bool {
+        self.executed += 1;
+        if self.executed.max(events as u64) <= self.limits.blocks_max {
+            return true;
+        }
+        let message = format!("more than {} blocks have been executed", self.limits.blocks_max);
+        let finding = Finding::error(Code::Limit, line.source(None, 0, usize::MAX), message);
+        findings.push(finding.help("does this loop ever end? split a program that is really so long"));
+        false
+    }
+
+    /// Says of findings from this index on where in the flow they are; drops repeated ones.
+    pub(crate) fn place(&mut self, findings: &mut Findings, from: usize) {
+        let trace = self.trace();
+        findings.revise(from, |finding| {
+            let place = (finding.source.line, finding.source.column, finding.code);
+            if !self.reported.insert(place) {
+                return false;
+            }
+            finding.message += &trace;
+            true
+        });
+    }
+
+    /// ` (in O<pocket>, called in line 40, pass 3 of the loop in line 12)`; empty in the main program
+    /// outside all loops.
+    fn trace(&self) -> String {
+        let mut parts = Vec::new();
+        for frame in self.frames.iter().rev() {
+            for running in frame.loops.iter().rev() {
+                let line = self.map.entries[running.entry].at.line;
+                parts.push(format!("pass {} of the loop in line {line}", running.pass));
+            }
+            if let Some(call) = &frame.call {
+                let name = shown(&self.map.entries[call.entry].name);
+                let mut part = format!("in O{name}, called in line {}", call.line);
+                if call.pass > 1 {
+                    let _ = write!(part, " for the {}. time", call.pass);
+                }
+                parts.push(part);
+            }
+        }
+        const SHOWN: usize = 6;
+        let more = parts.len().saturating_sub(SHOWN);
+        parts.truncate(SHOWN);
+        if more > 0 {
+            parts.push(format!("and {more} more"));
+        }
+        if parts.is_empty() { String::new() } else { format!(" ({})", parts.join(", ")) }
+    }
+
+    /// Executes the O word of a line, if it has one.
+    pub(crate) fn step(&mut self, line: Line<'_>, offset: usize, world: &mut World<'_, '_>) -> Next {
+        let Some(index) = self.map.find(offset) else { return Next::Block };
+        let Some(Ok(statement)) = statement::read(line.text) else { return Next::Stop };
+        match self.execute(index, line, &statement, world) {
+            Ok(next) => next,
+            Err(Stopped) => Next::Stop,
+        }
+    }
+
+    fn execute(
+        &mut self,
+        index: usize,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+    ) -> Result<Next, Stopped> {
+        let entry = &self.map.entries[index];
+        let (at, partner, keyword) = (entry.at, entry.partner, entry.keyword);
+        match keyword {
+            Keyword::Number => {
+                if world.interpreter.has_begun() && self.depth() == 0 {
+                    let name = &entry.name;
+                    let message = format!("program O{name} begins before the end of the one before it");
+                    let help = "end the program before it with M2, M30 or M99, or delete the number";
+                    return Err(self.refuse(line, statement, world, Code::Syntax, message, help));
+                }
+                return Ok(Next::Block);
+            }
+            Keyword::Sub | Keyword::Else | Keyword::ElseIf => {
+                // A definition is skipped; a branch before this one has been executed.
+                return Ok(Next::Jump(self.after_branches(index)));
+            }
+            Keyword::If => return self.condition(index, line, statement, world),
+            Keyword::EndIf => {}
+            Keyword::While => {
+                let is_running = self.top().is_some_and(|running| running.entry == index);
+                let holds = self.truth(line, statement, world)?;
+                if !holds {
+                    if is_running {
+                        self.loops().pop();
+                    }
+                    return Ok(Next::Jump(self.map.entries[partner].next));
+                }
+                self.begin_pass(index);
+            }
+            Keyword::EndWhile => return Ok(Next::Jump(self.map.entries[partner].at)),
+            Keyword::Do => self.begin_pass(index),
+            Keyword::DoWhile => {
+                let holds = self.truth(line, statement, world)?;
+                if holds {
+                    return Ok(Next::Jump(self.map.entries[partner].at));
+                }
+                self.loops().pop();
+            }
+            Keyword::Repeat => {
+                let passes = self.value(line, statement, world)?.round();
+                if passes < 1.0 {
+                    return Ok(Next::Jump(self.map.entries[partner].next));
+                }
+                self.loops().push(Loop { entry: index, pass: 1, rest: passes as u64 - 1 });
+            }
+            Keyword::EndRepeat => {
+                let begin = self.map.entries[partner].next;
+                if let Some(running) = self.loops().last_mut()
+                    && running.rest > 0
+                {
+                    running.rest -= 1;
+                    running.pass += 1;
+                    return Ok(Next::Jump(begin));
+                }
+                self.loops().pop();
+            }
+            Keyword::Break => {
+                self.unwind(partner);
+                self.loops().pop();
+                let end = self.map.entries[partner].partner;
+                return Ok(Next::Jump(self.map.entries[end].next));
+            }
+            Keyword::Continue => {
+                self.unwind(partner);
+                let begin = &self.map.entries[partner];
+                let to = match begin.keyword {
+                    Keyword::While => begin.at,
+                    _ => self.map.entries[begin.partner].at,
+                };
+                return Ok(Next::Jump(to));
+            }
+            Keyword::Call => return self.call(at, line, statement, world),
+            Keyword::EndSub | Keyword::Return => {
+                return self.end_of_sub(line, statement, world);
+            }
+        }
+        self.nothing_follows(line, statement, world)
+    }
+
+    /// The end of a chain of branches that begins or goes on here, or of a definition.
+    fn after_branches(&self, index: usize) -> Cursor {
+        let mut at = index;
+        loop {
+            let entry = &self.map.entries[at];
+            match entry.keyword {
+                Keyword::If | Keyword::ElseIf | Keyword::Else | Keyword::Sub => at = entry.partner,
+                _ => return entry.next,
+            }
+        }
+    }
+
+    /// `if`, and its `elseif`s until one holds.
+    fn condition(
+        &mut self,
+        index: usize,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+    ) -> Result<Next, Stopped> {
+        if self.truth(line, statement, world)? {
+            return Ok(Next::Line);
+        }
+        let mut at = self.map.entries[index].partner;
+        loop {
+            let entry = &self.map.entries[at];
+            let (next, partner, place) = (entry.next, entry.partner, entry.at);
+            if entry.keyword != Keyword::ElseIf {
+                return Ok(Next::Jump(next));
+            }
+            let line = line_at(self.text, place);
+            let Some(Ok(statement)) = statement::read(line.text) else { return Err(Stopped) };
+            if self.truth(line, &statement, world)? {
+                return Ok(Next::Jump(next));
+            }
+            at = partner;
+        }
+    }
+
+    fn call(
+        &mut self,
+        at: Cursor,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+    ) -> Result<Next, Stopped> {
+        let values = Values { parameters: world.parameters, interpreter: world.interpreter, line: line.number };
+        let name: Box<str> = match &statement.name {
+            Name::Known(name) => name.clone().into(),
+            Name::Computed(start) => match expression::value(line.text, *start, &values) {
+                Ok((value, _)) if value.is_nan() => return Err(Stopped),
+                Ok((value, _)) => format!("{}", value.round()).into(),
+                Err(error) => return Err(self.wrong_value(line, statement, world, &error)),
+            },
+        };
+        let mut arguments = Vec::new();
+        let mut next = statement.arguments;
+        loop {
+            next = expression::skip_blanks(line.text, next);
+            if next >= statement.end || line.text[next] != b'[' {
+                break;
+            }
+            match expression::value(line.text, next, &values) {
+                Ok((value, _)) if value.is_nan() => return Err(Stopped),
+                Ok((value, end)) => (arguments.push(value), next = end).1,
+                Err(error) => return Err(self.wrong_value(line, statement, world, &error)),
+            }
+        }
+        if arguments.len() > ARGUMENTS {
+            let message = format!("{} arguments; a subroutine has {ARGUMENTS}", arguments.len());
+            let help = "set parameters from #31 on before the call";
+            return Err(self.refuse(line, statement, world, Code::Limit, message, help));
+        }
+        if next < statement.end {
+            return Err(self.unexpected(line, statement, next, world));
+        }
+        let Some(&entry) = self.map.subs.get(&name) else {
+            let what = shown(&name);
+            let (message, help) = match self.map.programs.get(&name) {
+                Some(&program) => (
+                    format!("O{what} in line {} is a program, not a subroutine", self.map.entries[program].at.line),
+                    format!("call it with M98 P{name}, or begin it with o{what} sub"),
+                ),
+                None => (
+                    format!("there is no subroutine O{what}"),
+                    format!("write o{what} sub ... o{what} endsub into the program"),
+                ),
+            };
+            return Err(self.refuse(line, statement, world, Code::Syntax, message, &help));
+        };
+        self.enter(line, statement.start, statement.end, world.findings)?;
+        let saved = Some(Box::new(world.parameters.enter(&arguments)));
+        world.parameters.set_returned(None);
+        let return_to = next_line(self.text, at);
+        let call = Call { entry, return_to, line: line.number, saved, repeats: 0, pass: 1 };
+        self.frames.push(Frame { loops: Vec::new(), call: Some(call) });
+        Ok(Next::Jump(self.map.entries[entry].next))
+    }
+
+    /// M98: calls the program of this number, so many times. `at` is the place of the block.
+    pub(crate) fn call_program(
+        &mut self,
+        at: Cursor,
+        line: Line<'_>,
+        program: u32,
+        times: u32,
+        world: &mut World<'_, '_>,
+    ) -> Next {
+        let name = program.to_string();
+        let Some(&entry) = self.map.programs.get(name.as_str()) else {
+            let message = format!("there is no program O{program}");
+            let help = format!("write O{program} ... M99 after the end of the main program");
+            let source = line.source(None, 0, usize::MAX);
+            world.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+            return Next::Stop;
+        };
+        if times == 0 {
+            return Next::Line;
+        }
+        if self.enter(line, 0, usize::MAX, world.findings).is_err() {
+            return Next::Stop;
+        }
+        let return_to = next_line(self.text, at);
+        let repeats = times - 1;
+        let call = Call { entry, return_to, line: line.number, saved: None, repeats, pass: 1 };
+        self.frames.push(Frame { loops: Vec::new(), call: Some(call) });
+        Next::Jump(self.map.entries[entry].at)
+    }
+
+    /// M99: the end of a program that M98 called. `None` in the main program, which it would begin
+    /// again.
+    pub(crate) fn end_program(&mut self) -> Option<Next> {
+        let frame = self.frames.last_mut()?;
+        let call = frame.call.as_mut().filter(|call| call.saved.is_none())?;
+        frame.loops.clear();
+        if call.repeats > 0 {
+            call.repeats -= 1;
+            call.pass += 1;
+            return Some(Next::Jump(self.map.entries[call.entry].at));
+        }
+        let return_to = call.return_to;
+        self.frames.pop();
+        Some(Next::Jump(return_to))
+    }
+
+    /// Checks that there may be one subroutine more.
+    fn enter(
+        &mut self,
+        line: Line<'_>,
+        start: usize,
+        end: usize,
+        findings: &mut Findings,
+    ) -> Result<(), Stopped> {
+        if self.depth() < self.limits.depth_max {
+            return Ok(());
+        }
+        let message = format!("more than {} subroutines inside each other", self.limits.depth_max);
+        let help = "does this subroutine call itself without end?";
+        let source = line.source(None, start, end);
+        findings.push(Finding::error(Code::Limit, source, message).help(help));
+        Err(Stopped)
+    }
+
+    fn end_of_sub(
+        &mut self,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+    ) -> Result<Next, Stopped> {
+        let at = expression::skip_blanks(line.text, statement.arguments);
+        let returned = match at < statement.end {
+            true => Some(self.value(line, statement, world)?),
+            false => None,
+        };
+        let frame = self.frames.pop();
+        let Some((call, saved)) =
+            frame.and_then(|frame| frame.call).and_then(|mut call| Some((call.return_to, call.saved.take()?)))
+        else {
+            return Err(Stopped);
+        };
+        world.parameters.leave(&saved);
+        world.parameters.set_returned(returned);
+        Ok(Next::Jump(call))
+    }
+
+    /// The loops that are running in this subroutine.
+    fn loops(&mut self) -> &mut Vec<Loop> {
+        if self.frames.is_empty() {
+            self.frames.push(Frame::default());
+        }
+        let last = self.frames.len() - 1;
+        &mut self.frames[last].loops
+    }
+
+    fn top(&self) -> Option<&Loop> {
+        self.frames.last()?.loops.last()
+    }
+
+    /// Begins the first or the next pass of a loop.
+    fn begin_pass(&mut self, entry: usize) {
+        match self.loops().last_mut().filter(|running| running.entry == entry) {
+            Some(running) => running.pass += 1,
+            None => self.loops().push(Loop { entry, pass: 1, rest: 0 }),
+        }
+    }
+
+    /// Leaves the loops inside this one.
+    fn unwind(&mut self, entry: usize) {
+        while self.loops().last().is_some_and(|running| running.entry != entry) {
+            self.loops().pop();
+        }
+    }
+
+    fn truth(
+        &mut self,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+    ) -> Result<bool, Stopped> {
+        Ok(self.value(line, statement, world)? != 0.0)
+    }
+
+    /// The one value of a statement.
+    fn value(
+        &mut self,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+    ) -> Result<f64, Stopped> {
+        let values = Values { parameters: world.parameters, interpreter: world.interpreter, line: line.number };
+        let at = expression::skip_blanks(line.text, statement.arguments);
+        if at >= statement.end {
+            let word = statement.keyword.word();
+            let message = format!("{word} has no value");
+            let help = format!("write {word} [ ... ]");
+            return Err(self.refuse(line, statement, world, Code::MissingWord, message, &help));
+        }
+        match expression::value(line.text, at, &values) {
+            // It has been reported why.
+            Ok((value, _)) if value.is_nan() => Err(Stopped),
+            Ok((value, end)) => {
+                let end = expression::skip_blanks(line.text, end);
+                if end < statement.end {
+                    return Err(self.unexpected(line, statement, end, world));
+                }
+                Ok(value)
+            }
+            Err(error) => Err(self.wrong_value(line, statement, world, &error)),
+        }
+    }
+
+    fn nothing_follows(
+        &mut self,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+    ) -> Result<Next, Stopped> {
+        let has_value = matches!(statement.keyword, Keyword::While | Keyword::Repeat);
+        let at = expression::skip_blanks(line.text, statement.arguments);
+        if !has_value && at < statement.end {
+            return Err(self.unexpected(line, statement, at, world));
+        }
+        Ok(Next::Line)
+    }
+
+    fn unexpected(
+        &self,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        at: usize,
+        world: &mut World<'_, '_>,
+    ) -> Stopped {
+        let quote = line.quote(at, statement.end);
+        let message = format!("`{quote}` after {}", statement.keyword.word());
+        let help = "write it into a line of its own";
+        let source = line.source(statement.block, at, statement.end);
+        world.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+        Stopped
+    }
+
+    fn wrong_value(
+        &self,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+        error: &ExpressionError,
+    ) -> Stopped {
+        world.findings.push(finding_of(line, statement.block, error));
+        Stopped
+    }
+
+    fn refuse(
+        &self,
+        line: Line<'_>,
+        statement: &Statement<'_>,
+        world: &mut World<'_, '_>,
+        code: Code,
+        message: String,
+        help: &str,
+    ) -> Stopped {
+        let source = line.source(statement.block, statement.start, statement.end);
+        world.findings.push(Finding::error(code, source, message).help(help));
+        Stopped
+    }
+}
+
+/// An error has been reported, after which nothing can be executed.
+struct Stopped;
+
+/// The finding of an expression without a value.
+pub(crate) fn finding_of(line: Line<'_>, block: Option<u32>, error: &ExpressionError) -> Finding {
+    let source: Source = line.source(block, error.start, error.end);
+    let message = error.trouble.message(&line.quote(error.start, error.end));
+    Finding::error(Code::BadNumber, source, message).help(error.trouble.help())
+}
+
+/// The line after the one that begins here.
+fn next_line(text: &[u8], at: Cursor) -> Cursor {
+    let length = memchr::memchr(b'\n', &text[at.offset..]);
+    Cursor { offset: length.map_or(text.len(), |length| at.offset + length + 1), line: at.line + 1 }
+}

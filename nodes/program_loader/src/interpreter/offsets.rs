@@ -1,0 +1,168 @@
+//! G10, G52, G92 and G28.1: where the program counts from.
+//!
+//! G52 and G92 move the zero of the program, and Kerf adds that to each coordinate: the path stays
+//! in the work system that G54 to G59 select, and nothing is left in the controller when a run is
+//! aborted. G10 changes a work system of the machine itself, and goes there.
+
+use super::axes::Cause;
+use super::{Interpreter, Scene};
+use crate::dialect::{Distance, GWord};
+use cnc_msgs::contour::Action;
+use cnc_msgs::finding::Code;
+use cnc_msgs::geometry::{AxisSet, Position};
+
+/// What a G word does to the zero of the program or to the machine's offsets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum OffsetWord {
+    /// G10.
+    Set,
+    /// G52: the zero is here in the work system.
+    Local,
+    /// G92: the tool stands here.
+    Axis,
+    /// G92.1, and G92.2, which keeps the offset for G92.3.
+    AxisOff { keeps: bool },
+    /// G92.3.
+    AxisRestore,
+    /// G28.1, G30.1: the tool stands at the reference position.
+    StoreReference { second: bool },
+}
+
+impl OffsetWord {
+    /// Whether axis words belong to it.
+    pub(super) const fn names_axes(self) -> bool {
+        matches!(self, Self::Set | Self::Local | Self::Axis)
+    }
+}
+
+impl Interpreter<'_> {
+    #[cold]
+    pub(super) fn offsets(&mut self, scene: &mut Scene<'_>, word: OffsetWord, at: usize) {
+        if self.modal.compensation.is_selected() {
+            let quote = scene.quote(at);
+            let message = format!("{quote} moves the coordinates under cutter radius compensation");
+            let help = "cancel with G40 and a straight move before it";
+            self.report_at(scene, at, Code::ForbiddenUnderCompensation, message, help);
+        }
+        match word {
+            OffsetWord::Set => return self.set_work_offset(scene, at),
+            OffsetWord::Local | OffsetWord::Axis => {}
+            OffsetWord::AxisOff { keeps } => {
+                if keeps && self.modal.shift != [0.0; 3] {
+                    self.modal.kept_shift = self.modal.shift;
+                } else if !keeps {
+                    self.modal.kept_shift = [0.0; 3];
+                }
+                self.modal.shift = [0.0; 3];
+                return;
+            }
+            OffsetWord::AxisRestore => {
+                self.modal.shift = self.modal.kept_shift;
+                return;
+            }
+            OffsetWord::StoreReference { second } => {
+                return self.act(Action::StoreReference { second });
+            }
+        }
+        let (named, values) = self.axis_values(scene);
+        if named.is_empty() {
+            let message = format!("{} without X, Y or Z", scene.quote(at));
+            let help = "name the axes, or write G92.1 to count from the work offset again";
+            return self.report_at(scene, at, Code::MissingWord, message, help);
+        }
+        if word == OffsetWord::Axis {
+            let is_known = self.relies(scene, named);
+            if !is_known || self.request.is_damaged {
+                return self.axes.poison(named);
+            }
+        }
+        if self.request.is_damaged {
+            return;
+        }
+        let mut shift = self.modal.shift;
+        for axis in (0..3).filter(|&axis| named.contains(axis)) {
+            shift[axis] = match word {
+                OffsetWord::Axis => self.axes.position[axis] - values[axis],
+                _ => values[axis],
+            };
+        }
+        self.modal.shift = shift;
+        self.modal.kept_shift = shift;
+    }
+
+    /// Takes the axis words as they are written, in mm; none of them is a move.
+    fn axis_values(&mut self, scene: &mut Scene<'_>) -> (AxisSet, Position) {
+        let shift = std::mem::take(&mut self.modal.shift);
+        let distance = std::mem::replace(&mut self.modal.distance, Distance::Absolute);
+        let end = self.end(scene);
+        self.modal.shift = shift;
+        self.modal.distance = distance;
+        (end.named, end.position)
+    }
+
+    /// G10 L2 and L20.
+    fn set_work_offset(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let (named, values) = self.axis_values(scene);
+        let mode = self.take_number(scene, b'L');
+        let system = self.take_number(scene, b'P');
+        if self.take(b'R').is_some_and(|angle| angle != 0.0) {
+            let help = "rotate the program in the CAM system";
+            let message = "a rotated work system is not supported".to_owned();
+            return self.report(scene, b'R', Code::Unsupported, message, help);
+        }
+        let by_position = match mode {
+            Some(2) => false,
+            Some(20) => true,
+            Some(0 | 1 | 10 | 11) => {
+                let message = "G10 must not change the tool table".to_owned();
+                let help = "change the tool table of the planner (set_tool, or its file)";
+                return self.report(scene, b'L', Code::Unsupported, message, help);
+            }
+            Some(other) => {
+                let message = format!("G10 has no L{other}");
+                return self.report(scene, b'L', Code::BadNumber, message, "write L2 or L20");
+            }
+            None if self.request.present.contains(b'L') => return,
+            None => {
+                let message = "G10 without L".to_owned();
+                let help = "write L2 to set a work offset, or L20 to set it by the position";
+                return self.report_at(scene, at, Code::MissingWord, message, help);
+            }
+        };
+        let Some(system) = system else {
+            if !self.request.present.contains(b'P') {
+                let message = "G10 without P".to_owned();
+                let help = "write P1 for G54, P2 for G55 and so on, or P0 for the one in force";
+                self.report_at(scene, at, Code::MissingWord, message, help);
+            }
+            return;
+        };
+        if system > 9 {
+            let message = format!("there is no work system {system}");
+            let help = "write P0 to P9";
+            return self.report(scene, b'P', Code::BadNumber, message, help);
+        }
+        if self.request.is_damaged || named.is_empty() {
+            return;
+        }
+        let active = u32::from(self.modal.work_offset);
+        let system = if system == 0 { active } else { system };
+        let mut origin = [0.0; 3];
+        for axis in (0..3).filter(|&axis| named.contains(axis)) {
+            let shift = if by_position { self.modal.shift[axis] } else { 0.0 };
+            origin[axis] = values[axis] + shift;
+        }
+        self.act(Action::SetWorkOffset { system: system as u8, axes: named, origin, by_position });
+        if system == active {
+            self.axes.lose(named, Cause { source: self.source, word: "G10" });
+        }
+    }
+
+    /// Whether the block only names axes for an offset.
+    pub(super) fn only_sets_offsets(&self) -> bool {
+        matches!(
+            self.request.g(crate::dialect::Group::NonModal),
+            Some((GWord::Offset(word), _)) if word.names_axes()
+        )
+    }
+}

@@ -1,0 +1,148 @@
+//! The parameters that the state of the interpreter gives: `#5420`, `#<_feed>`.
+//!
+//! Lengths are in the units in force. A value that only the machine has while it runs is an error
+//! that says so: a plan must not depend on it.
+
+use super::axes::Reliance;
+use super::{Interpreter, moves::AXIS_WORDS};
+use crate::dialect::{Distance, Mode, Units};
+use crate::expression::Trouble;
+use cnc_msgs::contour::{CutterSide, SpindleMode};
+use cnc_msgs::geometry::{AxisSet, Plane};
+
+type Value = Option<Result<f64, Trouble>>;
+
+/// Parameters of the machine, by their numbers, that a plan cannot know.
+const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 7] = [
+    (5021..=5029, "a position in machine coordinates, which is known only while the machine runs"),
+    (5061..=5070, "the result of a probe, and no probe has been run"),
+    (5081..=5089, "a tool length, which the loader does not know"),
+    (5161..=5199, "a stored position of the machine, which is known only there"),
+    (5221..=5390, "a work offset of the machine, which is known only there"),
+    (5399..=5399, "the result of M66, which is not supported"),
+    (5401..=5413, "an entry of the tool table, which the loader does not know"),
+];
+
+impl Interpreter<'_> {
+    /// The value of a numbered parameter that the program does not set; `None` for all others.
+    pub(crate) fn system_number(&self, number: u32) -> Value {
+        if number < 5000 {
+            return None;
+        }
+        if let Some((_, what)) = ON_THE_MACHINE.iter().find(|(range, _)| range.contains(&number)) {
+            return Some(Err(Trouble::NotHere { what: (*what).to_owned() }));
+        }
+        match number {
+            5210 => Some(Ok(truth(self.modal.shift != [0.0; 3]))),
+            5211..=5213 => {
+                Some(Ok(self.modal.shift[(number - 5211) as usize] / self.scale()))
+            }
+            5220 => Some(Ok(f64::from(self.modal.work_offset))),
+            5400 => Some(Ok(f64::from(self.modal.spindle_tool.unwrap_or(0)))),
+            5420..=5422 => Some(self.position_of((number - 5420) as usize)),
+            5423..=5428 => Some(Ok(0.0)),
+            _ => None,
+        }
+    }
+
+    /// The value of a predefined name; `None` for all others.
+    pub(crate) fn system_name(&self, name: &str) -> Value {
+        let modal = &self.modal;
+        let is = |is_true: bool| Some(Ok(truth(is_true)));
+        let side = modal.compensation.side();
+        match name {
+            "_vmajor" => Some(Ok(2.9)),
+            "_vminor" | "_remap_level" | "_a" | "_b" | "_c" | "_u" | "_v" | "_w" => Some(Ok(0.0)),
+            "_task" => is(false),
+            "_motion_mode" => Some(Ok(self.motion_mode())),
+            "_plane" => Some(Ok(match modal.plane {
+                Plane::Xy => 170.0,
+                Plane::Zx => 180.0,
+                Plane::Yz => 190.0,
+            })),
+            "_ccomp" => Some(Ok(match side {
+                None => 400.0,
+                Some(CutterSide::Left) => 410.0,
+                Some(CutterSide::Right) => 420.0,
+            })),
+            "_metric" | "_metric_machine" => is(modal.units == Units::Millimetre),
+            "_imperial" => is(modal.units == Units::Inch),
+            "_absolute" => is(modal.distance == Distance::Absolute),
+            "_incremental" => is(modal.distance == Distance::Incremental),
+            "_inverse_time" => is(modal.feed_mode == super::FeedMode::InverseTime),
+            "_units_per_minute" => is(modal.feed_mode == super::FeedMode::PerMinute),
+            "_units_per_rev" => is(modal.feed_mode == super::FeedMode::PerRevolution),
+            "_coord_system" => Some(Ok(match modal.work_offset {
+                system @ 1..=6 => f64::from(530 + 10 * u32::from(system)),
+                system => f64::from(584 + u32::from(system)),
+            })),
+            "_tool_offset" => is(modal.length.is_some()),
+            "_retract_r_plane" => is(!modal.cycle.returns_to_r),
+            "_retract_old_z" => is(modal.cycle.returns_to_r),
+            "_spindle_rpm_mode" => is(true),
+            "_spindle_css_mode" => is(false),
+            "_ijk_absolute_mode" => is(modal.centers == Distance::Absolute),
+            "_lathe_diameter_mode" => is(modal.x_is_diameter),
+            "_lathe_radius_mode" => is(!modal.x_is_diameter),
+            "_spindle_on" => is(modal.spindle != SpindleMode::Off),
+            "_spindle_cw" => is(modal.spindle == SpindleMode::Clockwise),
+            "_mist" => is(modal.mist),
+            "_flood" => is(modal.flood),
+            "_speed_override" | "_feed_override" => is(true),
+            "_adaptive_feed" | "_feed_hold" => is(false),
+            "_feed" => Some(Ok(modal.programmed_feed)),
+            "_rpm" => Some(Ok(modal.rpm)),
+            "_x" => Some(self.position_of(0)),
+            "_y" => Some(self.position_of(1)),
+            "_z" => Some(self.position_of(2)),
+            "_current_tool" => Some(Ok(f64::from(modal.spindle_tool.unwrap_or(0)))),
+            "_selected_tool" => Some(Ok(modal.selected_tool.map_or(-1.0, f64::from))),
+            "_current_pocket" | "_selected_pocket" => Some(Err(Trouble::NotHere {
+                what: "a pocket of the tool changer, which the loader does not know".to_owned(),
+            })),
+            _ if name.starts_with("_abs_") => Some(Err(Trouble::NotHere {
+                what: "a position in machine coordinates, which is known only while the machine \
+                       runs"
+                .to_owned(),
+            })),
+            _ if name.starts_with("_ini[") || name.starts_with("_hal[") => {
+                Some(Err(Trouble::NotHere {
+                    what: "a setting of LinuxCNC, which this machine does not have".to_owned(),
+                }))
+            }
+            _ => None,
+        }
+    }
+
+    /// The position of an axis as the program would write it.
+    fn position_of(&self, axis: usize) -> Result<f64, Trouble> {
+        if self.modal.compensation.is_selected() {
+            return Err(Trouble::CompensatedPosition);
+        }
+        match self.axes.rely_on(AxisSet::NONE.with(axis)) {
+            Reliance::Unknown(_) => {
+                Err(Trouble::UnknownPosition { axis: char::from(AXIS_WORDS[axis]) })
+            }
+            Reliance::Poisoned => Ok(f64::NAN),
+            Reliance::Known | Reliance::Assumed(_) => {
+                Ok((self.axes.position[axis] - self.modal.shift[axis]) / self.scale())
+            }
+        }
+    }
+
+    /// The G number of the motion in force, times ten.
+    fn motion_mode(&self) -> f64 {
+        match self.modal.mode {
+            None => 800.0,
+            Some(Mode::Rapid) => 0.0,
+            Some(Mode::Feed | Mode::Polar { .. }) => 10.0,
+            Some(Mode::Arc { clockwise: true }) => 20.0,
+            Some(Mode::Arc { clockwise: false }) => 30.0,
+            Some(Mode::Cycle(cycle)) => f64::from(cycle.number()) * 10.0,
+        }
+    }
+}
+
+fn truth(is_true: bool) -> f64 {
+    f64::from(u8::from(is_true))
+}
