@@ -248,7 +248,7 @@ def main():
     arguments.add_argument("--allow-refused", default="", metavar="FEATURE,...",
                            help="features that Kerf does not have yet, as expressions of `re`")
     arguments.add_argument("--faults", type=int, default=200, help="how many faults are shown")
-    arguments = arguments.parse_args()
+    arguments = arguments.parse_intermixed_args()
     command, root = arguments.kerf.resolve(), arguments.linuxcnc.resolve()
     wanted = arguments.name
     chosen = []

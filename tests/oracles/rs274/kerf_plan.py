@@ -42,7 +42,8 @@ class Reader:
         self.items = []
         self.unknown = set()
         self.is_compensated = False
-        self.rotary = (0.0, 0.0, 0.0)
+        # Axes whose place in the work system is not known, and places that the program stores.
+        self.lost, self.stored = set(), set()
 
     def read(self, elements, events):
         number = 0
@@ -65,8 +66,10 @@ class Reader:
         kind = "rapid" if it["rapid"] else "line" if it["kind"] == "line" else "arc"
         start, end = self.lengths(it["start"]), self.lengths(it["end"])
         feed = it["feed_mm_per_min"]
+        # Known again where the next move of the axis ends.
+        self.lost -= {axis for axis, a, b in zip("XYZ", start, end) if a != b}
         move = Move(kind, start, end, replace(self.state), f"line {it['line']}",
-                    feed and feed / self.size, rotary=it.get("rotary"))
+                    feed and feed / self.size, rotary=it.get("rotary"), unknown="".join(self.lost))
         if it["kind"] == "arc":
             one, two = PLANES[it["plane"]]
             is_full = abs(start[one] - end[one]) < 1e-9 and abs(start[two] - end[two]) < 1e-9
@@ -101,6 +104,7 @@ class Reader:
             self.add("tool", event, int(match[1]) if match[1] else state.selected)
         elif match := re.fullmatch(r"G5([4-9])(?:\.([123]))?", text):
             state.system = int(match[1]) - 3 + int(match[2] or 0)
+            self.lost = set("XYZ")
         elif match := re.fullmatch(r"G4 P([-\d.e]+)", text):
             self.add("dwell", event, float(match[1]))
         elif text == "M0":
@@ -109,12 +113,20 @@ class Reader:
             self.add("optional stop", event)
         elif text in ("M2", "M30"):
             self.add("end", event)
-        elif match := re.fullmatch(r"G(?:28|30) ([XYZ]+)", text):
-            # The stored positions of an empty parameter file.
+        elif match := re.fullmatch(r"(G28|G30) ([XYZ]+)", text):
+            self.lost |= set(match[2])
+            # Without a parameter file it is the origin of the machine.
+            end = None if match[1] in self.stored else (0.0,) * 3
             self.items.append(Move("rapid", (0.0,) * 3, (0.0,) * 3, replace(state), where,
-                                   axes=match[1], machine_end=(0.0,) * 3, rotary=None))
+                                   axes=match[2], machine_end=end, rotary=None))
+        elif text in ("G28.1", "G30.1"):
+            self.stored.add(text[:3])
+        elif re.match(r"G10 L(2|20) ", text):
+            # What the offsets are shows in the moves in machine coordinates.
+            self.lost = set("XYZ")
         elif match := re.fullmatch(r"G53 G([01])((?: [XYZ][-\d.e]+)+)", text):
             words = {it[0]: float(it[1:]) / self.size for it in match[2].split()}
+            self.lost |= set(words)
             self.items.append(Move("line" if match[1] == "1" else "rapid", (0.0,) * 3, (0.0,) * 3,
                                    replace(state), where, axes="".join(words),
                                    machine_end=tuple(words.get(axis, 0.0) for axis in "XYZ"),

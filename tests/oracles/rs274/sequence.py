@@ -50,6 +50,8 @@ class Move:
     # A, B and C, in degrees.
     rotary: tuple = (0.0, 0.0, 0.0)
     turned: bool = False
+    # Axes whose place Kerf does not know, since a move in machine coordinates.
+    unknown: str = ""
 
     @property
     def is_empty(self):
@@ -148,13 +150,13 @@ def apart(a, b):
             return None if a.value.strip() == b.value.strip() else "another text"
         return None if a.value == b.value else "another one"
     if b.axes:
-        for axis in b.axes:
+        for axis in b.axes if b.machine_end else "":
             n = "XYZ".index(axis)
             if abs(a.machine_end[n] - b.machine_end[n]) > 2.0 * a.allowed_mm:
                 return f"{axis} is another one"
     else:
         for axis, x, y in zip("XYZ", a.end, b.end):
-            if not abs(x - y) <= a.allowed_mm + 1e-12 * abs(x):
+            if axis not in b.unknown and not abs(x - y) <= a.allowed_mm + 1e-12 * abs(x):
                 return f"{axis} is {y - x:.6f} mm aside"
     if a.kind == "arc":
         if a.plane != b.plane:
