@@ -217,7 +217,7 @@ def predefined(program, rng):
         program.add(rng.choice([
             move(rng, source=lambda rng: str(rng.randint(-30, 30))),
             f"G{rng.choice([17, 18, 19])}", f"G{rng.choice([90, 91])}", f"G{rng.choice([98, 99])}",
-            "M8", "M7", "M9", f"T{rng.randint(1, 5)} M6", "G20 F20", "G21 F500", "M5", "M4",
+            "M8", "M7", "M9", f"T{rng.randint(1, 5)} M6", "G20\nF20", "G21\nF500", "M5", "M4",
             f"G92 X{rng.randint(1, 9)}", "G92.1"]))
         name = rng.choice(["_x", "_y", "_z", "_feed", "_rpm", "_metric", "_imperial", "_plane",
                            "_absolute", "_incremental", "_current_tool", "_selected_tool",
@@ -252,6 +252,8 @@ class Flow:
         self.labels = 100
         self.budget = 40
         self.does = set()
+        # After a break out of a while, LinuxCNC runs the next do only once.
+        self.has_break = rng.random() < 0.5
 
     def label(self):
         self.labels += 1
@@ -281,7 +283,8 @@ class Flow:
                 label = self.label()
                 self.line(depth, f"{label} if {condition(rng)}")
                 # At continue, a do begins again without a test, for ever.
-                words = ["break"] if in_loop in self.does else ["break", "continue"]
+                words = ["break"] if in_loop in self.does else \
+                    ["break", "continue"] if self.has_break else ["continue"]
                 self.line(depth + 1, f"{in_loop} {rng.choice(words)}")
                 self.line(depth, f"{label} endif")
             elif in_sub:
@@ -306,6 +309,8 @@ class Flow:
     def loop(self, kind, depth, in_sub):
         """Each has a counter of its own, so that `continue` does not keep it from ending."""
         rng, label = self.rng, self.label()
+        if kind == "do" and self.has_break:
+            kind = "while"
         counter = f"#{self.labels}"
         if kind == "repeat":
             self.line(depth, f"{label} repeat [{rng.randint(0, 4)}]")
@@ -354,6 +359,16 @@ def flow_of(kinds, count):
 feature("flow if", 120)(flow_of(["if"], 0))
 feature("flow while", 120)(flow_of(["while"], 0))
 feature("flow do", 120)(flow_of(["do"], 0))
+
+
+@feature("flow break out of while, then do", 2)
+def while_then_do(program, rng):
+    program.add("o1 while [1]", "  o1 break", "o1 endwhile", "#9=0", "o2 do", "  #9=[#9 + 1]",
+                "  G0 X#9", f"o2 while [#9 LT {rng.randint(2, 4)}]")
+    program.scales = False
+
+
+
 feature("flow repeat", 120)(flow_of(["repeat"], 0))
 
 
@@ -471,7 +486,7 @@ def cycle(name, plane):
     def generator(program, rng):
         program.add(plane, f"S1000 {'M4' if name == 74 else 'M3'}")
         if rng.random() < 0.15:
-            program.add("G20 F20")
+            program.add("G20", "F20")
         top = rng.randint(5, 20)
         program.add("G0 " + " ".join(f"{axis}{length(rng.randint(0, 20))}" for axis in axes[:2])
                     + f" {axes[2]}{length(top)}")
@@ -542,6 +557,12 @@ def units(program, rng):
             program.add(f"G91 {move(rng, 'XY')}", "G90")
 
 
+@feature("units and F in one block", 4)
+def units_and_feed(program, rng):
+    program.scales = False
+    program.add("G20 F20", "G1 X1", "G21 F500 G1 X2")
+
+
 @feature("incremental", 100)
 def distances(program, rng):
     for _ in range(rng.randint(4, 9)):
@@ -556,7 +577,7 @@ def g92(program, rng):
         program.add(rng.choice([
             move(rng), move(rng), f"G92 {axis_words(rng)}", f"G92 {axis_words(rng)}", "G92.1",
             "G92.2", "G92.3", f"G91 {move(rng)}", "G90",
-            f"G2 X{length(rng.randint(1, 9))} Y{length(2)} R{length(200)}", "G20 F20", "G21 F400"]))
+            f"G2 X{length(rng.randint(1, 9))} Y{length(2)} R{length(200)}", "G20\nF20", "G21\nF400"]))
         program.add(move(rng))
 
 

@@ -103,8 +103,10 @@ class Reader:
             state.spindle = "M5"
             self.add("tool", event, int(match[1]) if match[1] else state.selected)
         elif match := re.fullmatch(r"G5([4-9])(?:\.([123]))?", text):
-            state.system = int(match[1]) - 3 + int(match[2] or 0)
-            self.lost = set("XYZ")
+            system = int(match[1]) - 3 + int(match[2] or 0)
+            if system != state.system:
+                self.lost = set("XYZ")
+            state.system = system
         elif match := re.fullmatch(r"G4 P([-\d.e]+)", text):
             self.add("dwell", event, float(match[1]))
         elif text == "M0":

@@ -78,7 +78,9 @@ class Event:
     where: str
     value: object = None
 
-    is_empty = False
+    @property
+    def is_empty(self):
+        return self.kind == "dwell" and self.value == 0.0
 
     def __str__(self):
         return f"{self.kind} {self.value if self.value is not None else ''} ({self.where})"
@@ -150,6 +152,8 @@ def apart(a, b):
             return None if a.value.strip() == b.value.strip() else "another text"
         return None if a.value == b.value else "another one"
     if b.axes:
+        if b.machine_end is None and a.is_empty:
+            return "the way to a stored position"
         for axis in b.axes if b.machine_end else "":
             n = "XYZ".index(axis)
             if abs(a.machine_end[n] - b.machine_end[n]) > 2.0 * a.allowed_mm:
