@@ -124,7 +124,7 @@ def proof(linuxcnc, kerf, name):
     if kerf.is_compensated:
         return
     moves = [n for n, it in enumerate(kerf.items)
-             if isinstance(it, Move) and not it.is_empty and not it.axes]
+             if isinstance(it, Move) and not it.is_empty and not it.axes and not it.unknown]
     events = [n for n, it in enumerate(kerf.items) if isinstance(it, Event)]
 
     def noticed(items):
@@ -152,12 +152,15 @@ def proof(linuxcnc, kerf, name):
         if it.feed is not None and linuxcnc_feed(linuxcnc, it):
             yield "another feed", changed(n, feed=it.feed * 1.01 + 0.1)
         # The end of the last move shows that one is missing, where it is another one.
-        neighbours = [kerf.items[m].end for m in moves if m in (n - 1, n + 1)]
+        neighbours = [other.end for other in kerf.items[max(n - 1, 0):n + 2]
+                      if isinstance(other, Move) and other is not it]
         if it.kind != "arc" and it.end not in neighbours:
             if len(it.end) == 3 and any(abs(a - b) > aside_mm for a, b in zip(it.end, it.start)):
                 yield "a move left out", noticed(kerf.items[:n] + kerf.items[n + 1:])
         back = replace(it, start=it.end, end=it.start, kind="line")
-        if any(abs(a - b) > aside_mm for a, b in zip(it.end, it.start)):
+        # Where the next move goes there anyway, it changes nothing.
+        if it.start not in neighbours and \
+                any(abs(a - b) > aside_mm for a, b in zip(it.end, it.start)):
             yield "a move twice", noticed([*kerf.items[:n + 1], back, *kerf.items[n + 1:]])
     if events:
         n = events[pick % len(events)]

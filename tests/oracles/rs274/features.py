@@ -226,7 +226,7 @@ def predefined(program, rng):
                            "_units_per_rev", "_lathe_diameter_mode", "_lathe_radius_mode",
                            "_tool_offset", "_call_level", "_value", "_value_returned", "_line"])
         program.add(f"#7=#<{name}>", "G90", f"G0 X[#7 / 10]")
-        number_ = rng.choice([5220, 5420, 5421, 5422, 5221, 5211, 5210, 5161, 5400])
+        number_ = rng.choice([5220, 5420, 5421, 5422, 5211, 5210, 5400])
         program.add(f"#8=#{number_}", f"G0 Y[#8 / 10]")
     program.scales = False
 
@@ -235,7 +235,7 @@ def predefined(program, rng):
 
 def loop_value(rng):
     """A value that is known at no time, but always is in the domain."""
-    return rng.choice(["#1", "#2", "[#1 + 1]", "[#2 * 2]", "[#1 - #2]", "SIN[#1 * 30]", "[#1 MOD 3]",
+    return rng.choice(["#1", "#2", "[#1 + 1]", "[#2 * 2]", "[#1 - #2]", "SIN[#1 * 29 + 1]", "[#1 MOD 3]",
                        "ABS[#2]", "[#1 / [ABS[#2] + 1]]", "SQRT[ABS[#1]]", "ROUND[#2]"])
 
 
@@ -587,6 +587,8 @@ def g52(program, rng):
         program.add(rng.choice([
             move(rng), f"G52 {axis_words(rng)}", f"G52 {axis_words(rng)}", "G52 X0 Y0 Z0",
             f"G92 {axis_words(rng)}", "G92.1", "G55", "G54", f"G91 {move(rng)}", "G90"]))
+        if program.lines[-1] in ("G54", "G55"):
+            program.add("G90 G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
         program.add(move(rng))
 
 
@@ -598,10 +600,18 @@ def offsets(program, rng):
             f"G10 L2 P{system} {axis_words(rng)}", f"G10 L20 P{system} {axis_words(rng)}",
             f"G10 L2 P0 {axis_words(rng)}", f"G10 L20 P0 {axis_words(rng)}"]))
         program.add(rng.choice(["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2",
-                                "G59.3", f"G92 {axis_words(rng)}", "G92.1"]))
+                                "G59.3"]))
         program.add("G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
-        program.add(move(rng))
-        program.add(f"G0 X[#5221 + #5241 * 2] Y#5422" if rng.random() < 0.3 else move(rng))
+        program.add(rng.choice([f"G92 {axis_words(rng)}", "G92.1", "(no G92)"]))
+        program.add(move(rng), move(rng))
+
+
+@feature("work offsets are read", 40)
+def offsets_read(program, rng):
+    program.scales = False
+    for _ in range(3):
+        program.add(f"G10 L2 P{rng.randint(1, 3)} X{rng.randint(1, 9)} Y{rng.randint(1, 9)} Z0")
+        program.add("G0 X0 Y0 Z0", f"G0 X[#5221 + #5241 * 2] Y#{rng.choice([5222, 5242, 5220])}")
 
 
 @feature("rotated offsets", 80)
