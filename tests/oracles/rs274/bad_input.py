@@ -71,6 +71,28 @@ for _name, _blocks in BAD.items():
     feature(f"bad: {_name}", len(_blocks))(writer(_blocks))
 
 
+ENDLESS = [
+    "o1 while [1]\no1 endwhile", "o1 while [1]\n  G1 X1\n  G1 X2\no1 endwhile",
+    "o1 do\n  #1=[#1 + 1]\no1 while [#1 GT 0]", "o1 repeat [1000000000]\n  #1=[#1 + 1]\no1 endrepeat",
+    "o1 repeat [1000000000]\n  G1 X#1\n  #1=[#1 + 1]\no1 endrepeat",
+    "o1 do\n  o2 if [1]\n    o1 continue\n  o2 endif\no1 while [0]",
+    "o1 while [1]\n  o2 repeat [1000000]\n  o2 endrepeat\no1 endwhile",
+    "o1 while [1]\n  G81 X1 Z-1 R1 L1000\no1 endwhile"]
+
+
+@feature("bad: endless", len(ENDLESS))
+def endless(program, rng):
+    program.is_endless = True
+    program.scales = False
+    program.add("#1=1", *ENDLESS[program.seed].split("\n"), "G0 X3")
+
+
+@feature("bad: probe under compensation", 1)
+def compensated_probe(program, rng):
+    program.scales = False
+    program.add("G41.1 D2", "G1 X10", "G1 Y20", "G38.2 Z-5 F100", "G1 X30", "G40 G1 X40 Y40")
+
+
 @feature("bad: nested brackets", 3)
 def brackets(program, rng):
     program.scales = False

@@ -18,6 +18,10 @@ DIFFERENCES = [
      "G74 takes L as G84 does"),
     (r"^bad: F forgotten at G94", "Kerf takes", r"zero feed rate",
      "F is not forgotten where G94 was in force before"),
+    (r"^bad: jumps out of repeat", "Kerf takes", r"no matching while/do label",
+     "break and continue in a repeat, as in the other loops"),
+    (r"^bad: wrong numbers of words", "Kerf takes", r"tool 99 not found",
+     "a tool whose diameter and length the path does not need may be missing in the table"),
     (r"^bad: long line", "Kerf takes", r"too long",
      "lines are longer than 255 characters"),
 ]

@@ -20,6 +20,8 @@ class Program:
         # Whether it can be written in another size: what it does does not depend on lengths.
         self.scales = True
         self.folder = None
+        # Whether it runs for ever, so that LinuxCNC is not asked.
+        self.is_endless = False
 
     @property
     def name(self):

@@ -8,7 +8,7 @@ ENDINGS = re.compile(r"\.(nc|ngc|tap|gcode|cnc|eia|ncc|gc|nc1|ncf)$", re.IGNOREC
 
 
 class Sample:
-    scales = False
+    scales = is_endless = False
 
     def __init__(self, path, base, feature):
         self.path = path
