@@ -75,7 +75,7 @@ ENDLESS = [
     "o1 while [1]\no1 endwhile", "o1 while [1]\n  G1 X1\n  G1 X2\no1 endwhile",
     "o1 do\n  #1=[#1 + 1]\no1 while [#1 GT 0]", "o1 repeat [1000000000]\n  #1=[#1 + 1]\no1 endrepeat",
     "o1 repeat [1000000000]\n  G1 X#1\n  #1=[#1 + 1]\no1 endrepeat",
-    "o1 do\n  o2 if [1]\n    o1 continue\n  o2 endif\no1 while [0]",
+    "o1 do\n  o2 if [1]\n    o1 continue\n  o2 endif\no1 while [1]",
     "o1 while [1]\n  o2 repeat [1000000]\n  o2 endrepeat\no1 endwhile",
     "o1 while [1]\n  G81 X1 Z-1 R1 L1000\no1 endwhile"]
 
