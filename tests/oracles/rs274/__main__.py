@@ -88,7 +88,8 @@ def run_kerf(command, folder, program, size):
     source = program.write(place, size)
     timeout_s = ENDLESS_S if program.is_endless else TIMEOUT_S
     try:
-        return Kerf(command).run(place, source, program.sized_tools(size), size, timeout_s)
+        return Kerf(command).run(place, source, program.sized_tools(size), size,
+                                 program.folder, timeout_s)
     except subprocess.TimeoutExpired:
         return Answer(False, f"BROKEN: no answer within {timeout_s} s")
 
@@ -130,7 +131,7 @@ def proof(linuxcnc, kerf, name):
         return
     moves = [n for n, it in enumerate(kerf.items)
              if isinstance(it, Move) and not it.is_empty and not it.axes and not it.unknown]
-    events = [n for n, it in enumerate(kerf.items) if isinstance(it, Event)]
+    events = [n for n, it in enumerate(kerf.items) if isinstance(it, Event) and not it.is_empty]
 
     def noticed(items):
         return difference(linuxcnc, replace(kerf, items=items)) is not None

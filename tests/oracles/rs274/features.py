@@ -212,7 +212,7 @@ def named(program, rng):
 
 @feature("parameters predefined", 150)
 def predefined(program, rng):
-    program.add(f"S{rng.randint(1, 9)}00 M3", f"F{rng.randint(1, 9)}00")
+    program.add("T1 M6", f"S{rng.randint(1, 9)}00 M3", f"F{rng.randint(1, 9)}00")
     for _ in range(10):
         program.add(rng.choice([
             move(rng, source=lambda rng: str(rng.randint(-30, 30))),
@@ -226,8 +226,9 @@ def predefined(program, rng):
                            "_units_per_rev", "_lathe_diameter_mode", "_lathe_radius_mode",
                            "_tool_offset", "_call_level", "_value", "_value_returned", "_line"])
         program.add(f"#7=#<{name}>", "G90", f"G0 X[#7 / 10]")
-        number_ = rng.choice([5220, 5420, 5421, 5422, 5211, 5210, 5400])
-        program.add(f"#8=#{number_}", f"G0 Y[#8 / 10]")
+        # LinuxCNC's offsets are in inches, as its machine is.
+        value = rng.choice(["#5220", "#5420", "#5421", "#5422", "[#5211 GT 0]", "#5210", "#5400"])
+        program.add(f"#8={value}", "G0 Y[#8 / 10]")
     program.scales = False
 
 
@@ -457,8 +458,8 @@ def indirect(program, rng):
 @feature("sub in files", 80)
 def in_files(program, rng):
     program.files["helper.ngc"] = [
-        "o<helper> sub", "  G1 X#1 Y#2", "  o<inner> sub", "    G1 Z#1", "  o<inner> endsub",
-        "  o<inner> call [5]", "o<helper> endsub [#1 * 2]", "M2"] if rng.random() < 0.5 else [
+        "o<helper> sub", "  G1 X#1 Y#2", "  o<inner> call [5]", "o<helper> endsub [#1 * 2]",
+        "o<inner> sub", "  G1 Z#1", "o<inner> endsub", "M2"] if rng.random() < 0.5 else [
         "(helper)", "o<helper> sub", "  G1 X#1 Y#2", "o<helper> endsub [#1 * 2]"]
     program.files["300.ngc"] = ["o300 sub", "  G0 X#1", "o300 endsub", "M2"]
     program.add(f"o<helper> call [{rng.randint(1, 9)}] [{rng.randint(1, 9)}]", "G0 Z#<_value>")
@@ -615,8 +616,8 @@ def offsets(program, rng):
 def offsets_read(program, rng):
     program.scales = False
     for _ in range(3):
-        program.add(f"G10 L2 P{rng.randint(1, 3)} X{rng.randint(1, 9)} Y{rng.randint(1, 9)} Z0")
-        program.add("G0 X0 Y0 Z0", f"G0 X[#5221 + #5241 * 2] Y#{rng.choice([5222, 5242, 5220])}")
+        program.add(f"G10 L2 P1 X{rng.randint(1, 9)} Y{rng.randint(1, 9)} Z1")
+        program.add("G0 X0 Y0 Z0", "G0 X[#5221 / #5222] Y[#5220 + #5222 / #5223]")
 
 
 @feature("rotated offsets", 80)

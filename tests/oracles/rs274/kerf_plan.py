@@ -15,13 +15,14 @@ class Kerf:
         self.command = command
         self.profile = profile
 
-    def run(self, folder, program, tools, size, timeout_s=60):
+    def run(self, folder, program, tools, size, subroutines=None, timeout_s=60):
         rows = "".join(f"  {tool}: {{diameter_mm: {diameter}, length_mm: {length}}}\n"
                        for tool, diameter, length in tools)
         (folder / "tools.yaml").write_text(f"tools:\n{rows}")
+        options = ["--subroutines", subroutines] if subroutines else []
         ran = subprocess.run(
             [self.command, "plan", program, "--control", self.profile, "--tools", "tools.yaml",
-             "--json"], cwd=folder, capture_output=True, text=True, errors="replace",
+             "--json", *options], cwd=folder, capture_output=True, text=True, errors="replace",
             timeout=timeout_s)
         if ran.returncode not in (0, 1) or "panicked" in ran.stderr:
             return Answer(False, f"BROKEN: status {ran.returncode}: {ran.stderr.strip()[-300:]}")
