@@ -24,6 +24,11 @@ DIFFERENCES = [
      "break and continue in a repeat, as in the other loops"),
     (r"^bad: wrong numbers of words", "Kerf takes", r"tool 99 not found",
      "a tool whose diameter and length the path does not need may be missing in the table"),
+    (r"^linuxcnc/ncfiles/(comp|gmoccapy_2_tools|useful-sub)", "Kerf refuses",
+     r"^(lead_gouge|lead_type|not_cancelled)",
+     "compensation that gouges or ends without a lead-off: see docs/linuxcnc.md"),
+    (r"^linuxcnc/ncfiles/3D_Chips", "Kerf refuses", r"^limit .*beyond 1000000 mm/min",
+     "a feed faster than any machine"),
     (r"^bad: long line", "Kerf takes", r"too long",
      "lines are longer than 255 characters"),
 ]
