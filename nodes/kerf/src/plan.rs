@@ -18,8 +18,10 @@ use compensation_planner::node::disagreement;
 use compensation_planner::node::threads::Threads;
 use compensation_planner::verdict::Disagreement;
 use compensation_planner::{Certificate, Planning, Start, UncutRegion, Verdict, judge, start};
+use intake::folders::Folders;
 use path_audit::Audit;
-use program_loader::limits::COORDINATE_MM_MAX;
+use program_loader::limits::{COORDINATE_MM_MAX, PROGRAM_BYTES_MAX};
+use program_loader::subroutines::with_subroutines;
 use program_loader::{LoadOptions, Loaded};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -35,6 +37,9 @@ pub(crate) struct PlanArgs {
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
+    /// Folder with the files of subroutines that the program calls: o<pocket> call reads pocket.ngc
+    #[arg(long, value_name = "DIR")]
+    subroutines: Vec<String>,
     /// Position of the tool before the first block, millimetres
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
     start: [f64; 3],
@@ -69,6 +74,10 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let text = files::read_program(&args.file)?;
     let mut profile = files::profile(&args.control)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
+    let folders = Folders::new(args.subroutines.iter().cloned(), "--subroutines");
+    let text = with_subroutines(text, &profile, |name| {
+        folders.read(&format!("{name}.ngc"), PROGRAM_BYTES_MAX as u64).ok()
+    });
     let tools = files::tool_table(args.tools.as_deref())?;
     let name = files::file_name(&args.file);
 

@@ -42,8 +42,30 @@ fn main() {
             group.finish();
         }
     }
+    looped(&mut criterion, &profile);
     criterion.final_summary();
 }
+
+/// A million blocks from a loop of ten lines.
+fn looped(criterion: &mut Criterion, profile: &cnc_msgs::profile::Profile) {
+    let mut group = criterion.benchmark_group("load/loop");
+    group.sampling_mode(SamplingMode::Flat).sample_size(10);
+    group.warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(3));
+    group.throughput(Throughput::Elements(LINES.into()));
+    group.bench_function("ten_lines", |bencher| {
+        bencher.iter_with_large_drop(|| {
+            let loaded = load(black_box(LOOP.as_bytes()), profile, &LoadOptions::default());
+            assert!(loaded.is_accepted(), "{:?}", loaded.findings.first());
+            loaded
+        });
+    });
+    group.finish();
+}
+
+const LOOP: &str = "G21 G17 G90 G0 X0 Y0 Z0\nG1 F500\n#1=0\no1 while [#1 LT 100000]\n\
+#<turn>=[#1*0.01]\n#<x>=[50*COS[#<turn>]]\n#<y>=[50*SIN[#<turn>]]\n\
+G1 X#<x> Y#<y> Z[0-#<turn>/100]\nX[#<x>+0.1] Y#<y>\nX#<x> Y[#<y>+0.1]\n\
+Z[0.1-#<turn>/100]\nX#<x> Y#<y>\n#1=[#1+1]\no1 endwhile\nM2\n";
 
 fn program(block: WriteBlock) -> String {
     let mut text = String::from("G21 G17 G90 G0 X0 Y0 Z0\nG1 F500 X0\n");

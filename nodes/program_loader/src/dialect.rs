@@ -12,7 +12,7 @@ mod rs274;
 mod sinumerik_840c;
 
 use crate::block::LexerRules;
-pub(crate) use crate::interpreter::{Cycle, OffsetWord};
+pub(crate) use crate::interpreter::{Cycle, OffsetWord, StateWord};
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile;
@@ -247,6 +247,8 @@ pub(crate) enum MWord {
     CallProgram,
     /// M99.
     EndProgram,
+    /// M70 to M73.
+    State(StateWord),
     /// A function of the machine, before or after the motion of its block.
     Auxiliary {
         after_motion: bool,

@@ -114,7 +114,8 @@ impl<'t> Flow<'t> {
         }
         let message = format!("more than {} blocks have been executed", self.limits.blocks_max);
         let finding = Finding::error(Code::Limit, line.source(None, 0, usize::MAX), message);
-        findings.push(finding.help("does this loop ever end? split a program that is really so long"));
+        findings
+            .push(finding.help("does this loop ever end? split a program that is really so long"));
         false
     }
 
@@ -159,7 +160,12 @@ impl<'t> Flow<'t> {
     }
 
     /// Executes the O word of a line, if it has one.
-    pub(crate) fn step(&mut self, line: Line<'_>, offset: usize, world: &mut World<'_, '_>) -> Next {
+    pub(crate) fn step(
+        &mut self,
+        line: Line<'_>,
+        offset: usize,
+        world: &mut World<'_, '_>,
+    ) -> Next {
         let Some(index) = self.map.find(offset) else { return Next::Block };
         let Some(Ok(statement)) = statement::read(line.text) else { return Next::Stop };
         match self.execute(index, line, &statement, world) {
@@ -181,8 +187,10 @@ impl<'t> Flow<'t> {
             Keyword::Number => {
                 if world.interpreter.has_begun() && self.depth() == 0 {
                     let name = &entry.name;
-                    let message = format!("program O{name} begins before the end of the one before it");
-                    let help = "end the program before it with M2, M30 or M99, or delete the number";
+                    let message =
+                        format!("program O{name} begins before the end of the one before it");
+                    let help =
+                        "end the program before it with M2, M30 or M99, or delete the number";
                     return Err(self.refuse(line, statement, world, Code::Syntax, message, help));
                 }
                 return Ok(Next::Block);
@@ -300,7 +308,11 @@ impl<'t> Flow<'t> {
         statement: &Statement<'_>,
         world: &mut World<'_, '_>,
     ) -> Result<Next, Stopped> {
-        let values = Values { parameters: world.parameters, interpreter: world.interpreter, line: line.number };
+        let values = Values {
+            parameters: world.parameters,
+            interpreter: world.interpreter,
+            line: line.number,
+        };
         let name: Box<str> = match &statement.name {
             Name::Known(name) => name.clone().into(),
             Name::Computed(start) => match expression::value(line.text, *start, &values) {
@@ -312,7 +324,7 @@ impl<'t> Flow<'t> {
         let mut arguments = Vec::new();
         let mut next = statement.arguments;
         loop {
-            next = expression::skip_blanks(line.text, next);
+            next = statement::skip_remarks(line.text, next);
             if next >= statement.end || line.text[next] != b'[' {
                 break;
             }
@@ -334,7 +346,10 @@ impl<'t> Flow<'t> {
             let what = shown(&name);
             let (message, help) = match self.map.programs.get(&name) {
                 Some(&program) => (
-                    format!("O{what} in line {} is a program, not a subroutine", self.map.entries[program].at.line),
+                    format!(
+                        "O{what} in line {} is a program, not a subroutine",
+                        self.map.entries[program].at.line
+                    ),
                     format!("call it with M98 P{name}, or begin it with o{what} sub"),
                 ),
                 None => (
@@ -423,14 +438,15 @@ impl<'t> Flow<'t> {
         statement: &Statement<'_>,
         world: &mut World<'_, '_>,
     ) -> Result<Next, Stopped> {
-        let at = expression::skip_blanks(line.text, statement.arguments);
+        let at = statement::skip_remarks(line.text, statement.arguments);
         let returned = match at < statement.end {
             true => Some(self.value(line, statement, world)?),
             false => None,
         };
         let frame = self.frames.pop();
-        let Some((call, saved)) =
-            frame.and_then(|frame| frame.call).and_then(|mut call| Some((call.return_to, call.saved.take()?)))
+        let Some((call, saved)) = frame
+            .and_then(|frame| frame.call)
+            .and_then(|mut call| Some((call.return_to, call.saved.take()?)))
         else {
             return Err(Stopped);
         };
@@ -483,8 +499,12 @@ impl<'t> Flow<'t> {
         statement: &Statement<'_>,
         world: &mut World<'_, '_>,
     ) -> Result<f64, Stopped> {
-        let values = Values { parameters: world.parameters, interpreter: world.interpreter, line: line.number };
-        let at = expression::skip_blanks(line.text, statement.arguments);
+        let values = Values {
+            parameters: world.parameters,
+            interpreter: world.interpreter,
+            line: line.number,
+        };
+        let at = statement::skip_remarks(line.text, statement.arguments);
         if at >= statement.end {
             let word = statement.keyword.word();
             let message = format!("{word} has no value");
@@ -495,7 +515,7 @@ impl<'t> Flow<'t> {
             // It has been reported why.
             Ok((value, _)) if value.is_nan() => Err(Stopped),
             Ok((value, end)) => {
-                let end = expression::skip_blanks(line.text, end);
+                let end = statement::skip_remarks(line.text, end);
                 if end < statement.end {
                     return Err(self.unexpected(line, statement, end, world));
                 }
@@ -512,7 +532,7 @@ impl<'t> Flow<'t> {
         world: &mut World<'_, '_>,
     ) -> Result<Next, Stopped> {
         let has_value = matches!(statement.keyword, Keyword::While | Keyword::Repeat);
-        let at = expression::skip_blanks(line.text, statement.arguments);
+        let at = statement::skip_remarks(line.text, statement.arguments);
         if !has_value && at < statement.end {
             return Err(self.unexpected(line, statement, at, world));
         }

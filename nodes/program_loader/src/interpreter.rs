@@ -17,6 +17,7 @@ mod offsets;
 mod polar;
 mod refusals;
 mod request;
+mod saved_state;
 mod system;
 
 use crate::block::Block;
@@ -40,6 +41,8 @@ pub(crate) use offsets::OffsetWord;
 use polar::Polar;
 use request::Request;
 pub(crate) use request::code_in_tenths;
+use saved_state::SavedState;
+pub(crate) use saved_state::StateWord;
 
 /// What follows a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +51,10 @@ pub(crate) enum After {
     /// M2, M30.
     End,
     /// M98.
-    Call { program: u32, times: u32 },
+    Call {
+        program: u32,
+        times: u32,
+    },
     /// M99.
     EndOfProgram,
 }
@@ -148,6 +154,9 @@ pub(crate) struct Interpreter<'r> {
     has_begun: bool,
     /// P and L of M98 in the current block.
     called: Option<(u32, u32)>,
+    /// The words that M70 or M73 has saved in the main program and in each subroutine that is
+    /// running, and whether the end of the subroutine restores them.
+    saved: Vec<Option<(SavedState, bool)>>,
     contour: ProgrammedContour,
     bounds: Bounds,
 }
@@ -203,6 +212,7 @@ impl<'r> Interpreter<'r> {
             source: Source::default(),
             has_begun: false,
             called: None,
+            saved: vec![None],
             contour,
             bounds: Bounds::default(),
         }

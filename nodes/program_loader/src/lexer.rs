@@ -145,12 +145,8 @@ impl Lexer<'_> {
     fn assignment(&mut self, start: usize) {
         let text = self.line.text;
         let target = expression::target(text, start, self.values);
-        let read = target.and_then(|(parameter, end)| {
-            let equals = expression::skip_blanks(text, end);
-            Ok((parameter, end, text.get(equals) == Some(&b'='), equals))
-        });
-        let (parameter, end, is_assignment, equals) = match read {
-            Ok(read) => read,
+        let (parameter, end) = match target {
+            Ok(target) => target,
             Err(error) => {
                 self.at = error.end.max(start + 1);
                 self.damage(crate::flow::finding_of(self.line, self.block.number, &error));
@@ -158,11 +154,12 @@ impl Lexer<'_> {
             }
         };
         self.at = end;
+        let equals = expression::skip_blanks(text, end);
         let parameter = match parameter {
             Parameter::Numbered(number) => Parameter::Numbered(number),
             Parameter::Named(name) => Parameter::Named(name.into_owned().into()),
         };
-        if !is_assignment {
+        if text.get(equals) != Some(&b'=') {
             let message = format!("`{}` has no letter", self.line.quote(start, end));
             let help = "write the letter of a word before it, or = and a value after it";
             self.covers(start);
@@ -327,6 +324,8 @@ impl Lexer<'_> {
 
     #[inline]
     fn block_number(&mut self, value: f64, start: usize, is_first: bool) {
+        // RS-274 has lines between two lines: N20.1.
+        let value = if self.rules.parameters { value.trunc() } else { value };
         if is_first && self.block.number.is_none() && (0.0..=NUMBER_MAX).contains(&value) {
             let number = value as u32;
             if f64::from(number) == value {

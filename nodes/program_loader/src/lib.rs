@@ -34,6 +34,7 @@ pub mod limits;
 #[cfg(feature = "node")]
 pub mod node;
 pub mod render;
+pub mod subroutines;
 pub mod upload;
 
 pub use bounds::Bounds;
@@ -50,8 +51,8 @@ use limits::FlowLimits;
 use line::Line;
 use parameters::{CannotSet, Parameters};
 use rules::Rules;
-use values::Values;
 use std::collections::{BTreeMap, BTreeSet};
+use values::Values;
 
 /// How a program is loaded.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -351,7 +352,10 @@ impl Reader<'_> {
         }
         match next {
             Next::Line | Next::Block => Outcome::Line,
-            Next::Jump(to) => Outcome::Jump(to),
+            Next::Jump(to) => {
+                self.interpreter.set_depth(self.flow.as_ref().map_or(0, Flow::depth));
+                Outcome::Jump(to)
+            }
             Next::Stop => {
                 // It has been reported why; what follows was never to be reached.
                 self.section = Section::After { end_line: line.number, is_reported: true };

@@ -31,7 +31,8 @@ pub const ARC_TURNS_MAX: f64 = 9_999.0;
 
 /// Steps of one hole (G73, G83).
 pub const CYCLE_MOVES_MAX: f64 = 10_000.0;
-/// How far a chip-breaking or peck cycle stays away from the last depth in rapid, mm (LinuxCNC).
+/// How far a chip-breaking or peck cycle stays away from the last depth in rapid, mm: a hundredth
+/// of an inch (LinuxCNC).
 pub const PECK_CLEARANCE_MM: f64 = 0.254;
 
 /// Millimetres of an inch.
@@ -54,6 +55,9 @@ pub const ARC_R_SHORT_INCH: f64 = 0.000_05;
 pub const FULL_CIRCLE_RELATIVE: f64 = 1e-6;
 /// A G or M number must be this close to a tenth.
 pub const CODE_FUZZ: f64 = 1e-6;
+
+/// Files with subroutines that a program may call.
+pub const LIBRARY_FILES_MAX: usize = 500;
 
 /// Limits of programs with subroutines and loops.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,7 +7,8 @@ mod chunks;
 mod health;
 mod lifecycle;
 
-use crate::limits::PROGRAM_BYTES_MAX;
+use crate::limits::{FlowLimits, PROGRAM_BYTES_MAX};
+use crate::subroutines::with_subroutines;
 use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
 use cnc_msgs::cdr;
@@ -60,6 +61,27 @@ pub fn parameters() -> Vec<Declared> {
             "folders in which `path` of load_program is looked up; empty: none, programs come as \
              text or upload",
         )
+        .read_only(),
+        Declared::new(
+            "subroutine_directories",
+            Vec::<String>::new(),
+            "folders with the files of subroutines that a program calls and does not define: \
+             o<pocket> call reads pocket.ngc",
+        )
+        .read_only(),
+        Declared::new(
+            "executed_blocks_max",
+            FlowLimits::default().blocks_max as i64,
+            "blocks that a program with loops and subroutines may execute",
+        )
+        .integer_within(1, i64::from(u32::MAX))
+        .read_only(),
+        Declared::new(
+            "subroutine_depth_max",
+            FlowLimits::default().depth_max as i64,
+            "subroutines that may be inside each other",
+        )
+        .integer_within(1, 10_000)
         .read_only(),
         Declared::new(
             "control_directories",
@@ -138,6 +160,8 @@ struct Loader {
     control: String,
     /// The folders of the files that peers may name.
     programs: Folders,
+    /// The folders of the subroutines that programs may call.
+    subroutines: Folders,
     controls: Folders,
     frame_id: String,
     options: LoadOptions,
@@ -179,14 +203,22 @@ fn refuse<T>(code: u16, message: impl std::fmt::Display) -> Result<T, Refusal> {
 impl Loader {
     fn new(node: &Handle) -> Result<Self, runtime::Error> {
         let control: String = node.parameter("control");
-        let options =
-            LoadOptions { block_delete: node.parameter("block_delete"), ..LoadOptions::default() };
+        let flow = FlowLimits {
+            blocks_max: node.parameter::<i64>("executed_blocks_max").unsigned_abs(),
+            depth_max: usize::try_from(node.parameter::<i64>("subroutine_depth_max")).unwrap_or(1),
+        };
+        let block_delete = node.parameter("block_delete");
+        let options = LoadOptions { block_delete, flow, ..LoadOptions::default() };
         Ok(Self {
             node: node.clone(),
             control,
             programs: Folders::new(
                 node.parameter::<Vec<String>>("program_directories"),
                 "program_directories",
+            ),
+            subroutines: Folders::new(
+                node.parameter::<Vec<String>>("subroutine_directories"),
+                "subroutine_directories",
             ),
             controls: Folders::new(
                 node.parameter::<Vec<String>>("control_directories"),
@@ -233,6 +265,9 @@ impl Loader {
                 .parse()
                 .or_else(|error: UnknownReaction| refuse(W::INVALID_REQUEST, error))?;
         }
+        let text = with_subroutines(text, &profile, |name| {
+            self.subroutines.read(&format!("{name}.ngc"), PROGRAM_BYTES_MAX as u64).ok()
+        });
         let mut loaded = load(&text, &profile, &self.options);
         loaded.allow_tools(&request.expected_tools);
         let (findings, finding_count) = first_findings(&loaded);

@@ -15,9 +15,7 @@ pub(crate) struct Values<'v, 'r> {
 
 impl Lookup for Values<'_, '_> {
     fn numbered(&self, number: u32) -> Option<Result<f64, Trouble>> {
-        self.interpreter
-            .system_number(number)
-            .or_else(|| self.parameters.numbered(number).map(Ok))
+        self.interpreter.system_number(number).or_else(|| self.parameters.numbered(number).map(Ok))
     }
 
     fn named(&self, name: &str) -> Option<Result<f64, Trouble>> {

@@ -66,11 +66,7 @@ fn parameters_have_the_state_of_the_machine_or_say_that_it_is_not_known() {
         check("rs274", &text, &[]);
     }
     check("rs274", "G0 X#5420 Y#5400 Z#5220", &[]);
-    check(
-        "rs274",
-        "G28\nG0 X#<_x>",
-        &["2: #<_X> is the position of X, which is not known here"],
-    );
+    check("rs274", "G28\nG0 X#<_x>", &["2: #<_X> is the position of X, which is not known here"]);
     check(
         "rs274",
         "G0 X#5221",

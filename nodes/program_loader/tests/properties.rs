@@ -5,13 +5,16 @@ mod common;
 use cnc_msgs::contour::{ContourEvent, ContourEventKind, ProgrammedContour};
 use cnc_msgs::geometry::Shape;
 use common::profile;
+use program_loader::limits::FlowLimits;
 use program_loader::{LoadOptions, Loaded, limits, load, render};
 use proptest::prelude::*;
 use proptest::sample::select;
 use settings::Control;
 
 fn load_as(control: &str, text: &[u8]) -> Loaded {
-    load(text, &profile(control), &LoadOptions::default())
+    // Loops without an end are found sooner.
+    let flow = FlowLimits { blocks_max: 10_000, depth_max: 20 };
+    load(text, &profile(control), &LoadOptions { flow, ..LoadOptions::default() })
 }
 
 /// Every finding has a place in the text, and can be drawn.
@@ -56,6 +59,11 @@ fn nearly_a_program() -> impl Strategy<Value = String> {
         "(MoveLinear|MoveCw|MoveRapid|Home|CutterCompensationSetAxes|Dwell|Foo)\\(?\\[?[XYZ1-9]?,? ?[XY]?",
         "\\]?,? ?\\[?[0-9XY$]?,? ?[0-9]?\\]?\\)? ?",
         "(G38|G39|G43 P1|G44 X Y|//|/\\*|\\*/|T010203) ?",
+        "(o1|o2|o<a>|O100|o\\[#1\\]) ?(sub|endsub|call|return|if|elseif|else|endif|while|endwhile|do|repeat|endrepeat|break|continue)? ?(\\[#?[0-9]\\])?\n?",
+        "(#[1-9]|#<a>|#<_b>|##1|#5420)(=|[XYZ +*/])",
+        "[XYZRQPL=]?-?\\[([0-9#(]{1,3}( ?(\\+|-|\\*\\*|/|MOD|EQ|AND|LT) ?)?){1,3}\\]",
+        "(SIN|SQRT|ACOS|LN|EXISTS|ATAN)\\[[#0-9<a>-]{1,4}\\](/\\[[0-9]\\])? ?",
+        "(G(73|81|82|83|84|85|86|88|89|98|99) |R2 |Q1 |L2 |P1 |G(10|52|92|92\\.1|93|94|95|7|8) ?|M(98|99|60) ?)",
         "[\\(\\);\\[\\]#$=<> \tXG\r\u{fc}.+-]",
     ];
     proptest::collection::vec(prop_oneof![9 => word, 3 => Just("\n".to_owned())], 0..120)

@@ -9,6 +9,7 @@ use cnc_msgs::chunk::ContourChunks;
 use cnc_msgs::units::point_from_position;
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, ProgrammedContour};
 use cnc_msgs::wire::rcl_interfaces::msg::{ParameterType, ParameterValue};
+use program_loader::limits::FlowLimits;
 use program_loader::{LoadOptions, load};
 
 /// Loads every recorded program again.
@@ -24,6 +25,7 @@ pub(crate) fn replay(
         let options = LoadOptions {
             start: program.contour.start,
             block_delete: block_delete(recording),
+            flow: flow(recording),
             ..LoadOptions::default()
         };
         let loaded = load(&program.text, &profile, &options);
@@ -81,6 +83,17 @@ pub(crate) fn replay(
 pub(crate) fn block_delete(recording: &Recording) -> bool {
     parameter(recording, "block_delete")
         .is_some_and(|value| value.type_ == ParameterType::PARAMETER_BOOL && value.bool_value)
+}
+
+/// The recorded limits of loops and subroutines.
+pub(crate) fn flow(recording: &Recording) -> FlowLimits {
+    let recorded = |name| parameter(recording, name).map(|value| value.integer_value);
+    let standard = FlowLimits::default();
+    FlowLimits {
+        blocks_max: recorded("executed_blocks_max").map_or(standard.blocks_max, i64::unsigned_abs),
+        depth_max: recorded("subroutine_depth_max")
+            .map_or(standard.depth_max, |most| most.unsigned_abs() as usize),
+    }
 }
 
 /// A recorded parameter of the loader.

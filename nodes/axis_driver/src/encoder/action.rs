@@ -2,8 +2,8 @@
 
 use super::words::{to_grid, write_word};
 use super::{
-    EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal,
-    PREAMBLE_IN_FRAME, spindle_word,
+    EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal, PREAMBLE_IN_FRAME,
+    spindle_word,
 };
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Source, work_system};

@@ -3,7 +3,7 @@
 //! Elements come in the order of their blocks. What a block may become depends on its kind. Free
 //! moves, and moves out of the plane, must be as programmed.
 
-use crate::blocks::program::{Block, BlockKind, NONE};
+use crate::blocks::program::{BlockKind, NONE};
 use crate::blocks::tool_path::ToolPath;
 use crate::geometry::planar::{Piece, cross, flat};
 use crate::report::{self, Report};
@@ -14,6 +14,10 @@ use cnc_msgs::path::{PathElement, Role};
 /// How far a position may be from the programmed one, mm. The planner drops elements shorter than
 /// half of it.
 pub(crate) const SAME_MM: f64 = 2e-6;
+
+/// How many blocks are looked at for an element of a line that is executed again: those before it
+/// are left out of the path.
+const REPEATS_MAX: usize = 1000;
 
 /// After so many elements without a block the audit gives up.
 const STRAYS_MAX: usize = 20;
@@ -91,8 +95,8 @@ fn may_be(kind: BlockKind, role: Role) -> bool {
     }
 }
 
-/// The first block from here on that an element can belong to. If several share a line, the one
-/// that it fits.
+/// The first block from here on that an element can belong to. If several share a line, or a loop
+/// executes a line again, the one that it fits.
 fn find(
     tool_path: &ToolPath<'_>,
     index: usize,
@@ -105,6 +109,19 @@ fn find(
             && may_be(blocks[block].kind, element.role)
     };
     let first = (next..blocks.len()).find(|&block| is_candidate(block))?;
+    if tool_path.program.repeats_lines {
+        let here = tool_path.position_before(index);
+        let until = blocks.len().min(next + REPEATS_MAX);
+        for block in next..until {
+            if is_candidate(block) && fits(tool_path, index, element, block as u32) {
+                return Some(block);
+            }
+            if !moves_nothing(tool_path, block as u32, here) {
+                break;
+            }
+        }
+        return Some(first);
+    }
     let in_line = (first..blocks.len())
         .take_while(|&block| tool_path.program.source(block as u32) == element.source);
     let mut others = in_line.filter(|&block| is_candidate(block));
@@ -152,12 +169,19 @@ fn fits(tool_path: &ToolPath<'_>, index: usize, element: &PathElement, block: u3
 
 /// A block without an element must be one that moves nothing.
 fn check_skipped(tool_path: &ToolPath<'_>, block: u32, here: Position, report: &mut Report<'_>) {
-    let Block { kind, element, .. } = tool_path.program.blocks[block as usize];
-    if element != NONE {
+    if tool_path.program.blocks[block as usize].element != NONE {
         return;
     }
+    if !moves_nothing(tool_path, block, here) {
+        let motion = tool_path.program.motion(block);
+        report.push(report::dropped(tool_path.program.source(block), motion));
+    }
+}
+
+/// Whether a path may be without an element of this block, from where the tool is before it.
+fn moves_nothing(tool_path: &ToolPath<'_>, block: u32, here: Position) -> bool {
     let motion = tool_path.program.motion(block);
-    let does_nothing = match kind {
+    match tool_path.program.blocks[block as usize].kind {
         BlockKind::Free | BlockKind::LeadOff => near(motion.end, here) && !turns(motion),
         BlockKind::OffPlane => {
             let w = tool_path.program.offset(block).plane.axes()[2];
@@ -165,9 +189,6 @@ fn check_skipped(tool_path: &ToolPath<'_>, block: u32, here: Position, report: &
         }
         // A lead may be too short to be a move. `offsets` checks what is left of a contour.
         BlockKind::LeadOn | BlockKind::Link | BlockKind::Leg | BlockKind::Still => true,
-    };
-    if !does_nothing {
-        report.push(report::dropped(tool_path.program.source(block), motion));
     }
 }
 

@@ -81,6 +81,8 @@ pub(crate) struct Program<'a> {
     /// Tool lengths that D has selected, each before the event that activates it (S34).
     pub lengths: Vec<(u32, Action)>,
     pub offsets: Vec<Offset>,
+    /// Loops or subroutines execute a line again.
+    pub repeats_lines: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -179,8 +181,15 @@ pub(crate) fn read<'a>(
         legs: 0,
     };
     let blocks = Vec::with_capacity(contour.events.len());
-    let mut program =
-        Program { contour, blocks, actions: Vec::new(), lengths: Vec::new(), offsets: vec![none] };
+    let mut program = Program {
+        contour,
+        blocks,
+        actions: Vec::new(),
+        lengths: Vec::new(),
+        offsets: vec![none],
+        repeats_lines: false,
+    };
+    let mut line = 0;
     let mut before = NONE;
     let mut at = contour.start;
     for (index, event) in contour.events.iter().enumerate() {
@@ -191,6 +200,8 @@ pub(crate) fn read<'a>(
             }
             continue;
         };
+        program.repeats_lines |= event.source.line < line;
+        line = event.source.line;
         let length = reader.length_that_acts(motion);
         program.lengths.extend(length.map(|action| (index as u32, action)));
         let (kind, begins) = reader.motion(at, motion, event.source, length.is_some());

@@ -2,7 +2,7 @@
 
 use super::{
     ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, Letters, MWord, Mode,
-    OffsetWord, Units,
+    OffsetWord, StateWord, Units,
 };
 use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
@@ -68,7 +68,9 @@ fn g(tenths: u16) -> GWord {
         850 => GWord::Motion(Mode::Cycle(Cycle::Bore)),
         860 => GWord::Motion(Mode::Cycle(Cycle::BoreAndStop)),
         890 => GWord::Motion(Mode::Cycle(Cycle::BoreAndDwell)),
-        870 | 880 => GWord::RefusedMotion("LinuxCNC does not have it either; write it as moves"),
+        811..=899 if !tenths.is_multiple_of(10) => GWord::Unknown,
+        870 => GWord::RefusedMotion("write the hole as moves; LinuxCNC does not document it"),
+        880 => GWord::Motion(Mode::Cycle(Cycle::BoreAndWait)),
         760 => GWord::RefusedMotion(THREAD),
         930 => GWord::FeedMode(FeedMode::InverseTime),
         940 => GWord::FeedMode(FeedMode::PerMinute),
@@ -129,6 +131,10 @@ fn m(number: u16) -> MWord {
     match number {
         48 | 49 | 100..=199 => MWord::Auxiliary { after_motion: false },
         60 => MWord::Stop { optional: false },
+        70 => MWord::State(StateWord::Save { returns: false }),
+        71 => MWord::State(StateWord::Forget),
+        72 => MWord::State(StateWord::Restore),
+        73 => MWord::State(StateWord::Save { returns: true }),
         98 => MWord::CallProgram,
         99 => MWord::EndProgram,
         _ => common_m(number),
@@ -157,5 +163,65 @@ pub(super) fn common_m(number: u16) -> MWord {
         70..=73 => MWord::Refused("write the modal words out where they are needed"),
         97..=99 => MWord::Refused("write subprograms out where they are called"),
         _ => MWord::Unknown,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::PREDEFINED;
+
+    const PAGE: &str = include_str!("../../../../docs/rs274.md");
+
+    /// The rows of the page, `G5.1` or `M50 to M53`: the first word, the last one, what becomes of it.
+    fn rows(letter: char) -> Vec<(u16, u16, &'static str)> {
+        let number = |word: &str| -> u16 {
+            let value: f64 = word[1..].parse().expect("a number");
+            (value * 10.0).round() as u16
+        };
+        let rows = PAGE.lines().filter(|line| line.starts_with(&format!("| {letter}")));
+        rows.map(|row| {
+            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+            let (first, last) = cells[1].split_once(" to ").unwrap_or((cells[1], cells[1]));
+            (number(first), number(last), cells[3])
+        })
+        .collect()
+    }
+
+    fn row(rows: &[(u16, u16, &'static str)], tenths: u16) -> Option<&'static str> {
+        rows.iter().find(|row| (row.0..=row.1).contains(&tenths)).map(|row| row.2)
+    }
+
+    #[test]
+    fn the_page_of_rs274_says_of_each_word_what_becomes_of_it() {
+        let page = rows('G');
+        for tenths in 0..=9999 {
+            let becomes = match g(tenths) {
+                GWord::Unknown => None,
+                GWord::Accepted(..) => Some("no effect"),
+                GWord::Refused(_) | GWord::RefusedMotion(_) => Some("refused"),
+                _ => Some("done"),
+            };
+            assert_eq!(row(&page, tenths), becomes, "G{}", f64::from(tenths) / 10.0);
+        }
+        let page = rows('M');
+        for number in 0..=999 {
+            let becomes = match m(number) {
+                MWord::Unknown => None,
+                MWord::Auxiliary { .. } => Some("passed on"),
+                MWord::Refused(_) => Some("refused"),
+                _ => Some("done"),
+            };
+            assert_eq!(row(&page, number * 10), becomes, "M{number}");
+        }
+    }
+
+    #[test]
+    fn the_page_of_rs274_has_every_predefined_parameter() {
+        for name in PREDEFINED {
+            let is_there = PAGE.contains(&format!("`{name}`"))
+                || name.starts_with("_abs_") && PAGE.contains("`_abs_x` to `_abs_w`");
+            assert!(is_there, "{name}");
+        }
     }
 }

@@ -45,9 +45,7 @@ impl Operator {
 
     /// The operator that the text begins with, and the bytes that it takes.
     pub(super) fn read(text: &[u8]) -> Option<(Self, usize)> {
-        Self::ALL
-            .iter()
-            .find_map(|&(name, operator)| Some((operator, spelled(text, name)?)))
+        Self::ALL.iter().find_map(|&(name, operator)| Some((operator, spelled(text, name)?)))
     }
 
     /// Higher ones are applied first; equal ones from left to right.
@@ -138,9 +136,7 @@ impl Function {
 
     /// The function that the text begins with, and the bytes that it takes.
     pub(super) fn read(text: &[u8]) -> Option<(Self, usize)> {
-        Self::ALL
-            .iter()
-            .find_map(|&(name, function)| Some((function, spelled(text, name)?)))
+        Self::ALL.iter().find_map(|&(name, function)| Some((function, spelled(text, name)?)))
     }
 
     pub(super) fn name(self) -> &'static str {
@@ -152,9 +148,8 @@ impl Function {
         if argument.is_nan() || second.is_some_and(f64::is_nan) {
             return Ok(f64::NAN);
         }
-        let outside = |allowed| {
-            Err(Trouble::OutOfDomain { function: self.name(), value: argument, allowed })
-        };
+        let outside =
+            |allowed| Err(Trouble::OutOfDomain { function: self.name(), value: argument, allowed });
         let is_ratio = (-1.0..=1.0).contains(&argument);
         let value = match self {
             Self::Abs => argument.abs(),
@@ -162,7 +157,7 @@ impl Function {
             Self::Acos => argument.acos().to_degrees(),
             Self::Asin => argument.asin().to_degrees(),
             Self::Atan => argument.atan2(second.unwrap_or(1.0)).to_degrees(),
-            Self::Cos => argument.to_radians().cos(),
+            Self::Cos => cosine(argument),
             // It is asked of a parameter, not of a value.
             Self::Exists => 1.0,
             Self::Exp => argument.exp(),
@@ -170,14 +165,46 @@ impl Function {
             Self::Fup => argument.ceil(),
             Self::Ln if argument <= 0.0 => return outside("above 0"),
             Self::Ln => argument.ln(),
-            Self::Round => argument.round(),
-            Self::Sin => argument.to_radians().sin(),
+            Self::Round => (argument + 0.5_f64.copysign(argument)).trunc(),
+            Self::Sin => sine(argument),
             Self::Sqrt if argument < 0.0 => return outside("from 0 on"),
             Self::Sqrt => argument.sqrt(),
-            Self::Tan => argument.to_radians().tan(),
+            Self::Tan => tangent(argument),
         };
         finite(value)
     }
+}
+
+/// The sine of an angle in degrees. The angle in radians has twice the digits of a double, so that
+/// `SIN[150]` is 0.5 and not a digit less (LinuxCNC computes with more digits, too).
+fn sine(degrees: f64) -> f64 {
+    let (high, low) = radians(degrees);
+    high.sin() + low * high.cos()
+}
+
+/// The cosine of an angle in degrees, like [`sine`].
+fn cosine(degrees: f64) -> f64 {
+    let (high, low) = radians(degrees);
+    high.cos() - low * high.sin()
+}
+
+/// The tangent of an angle in degrees, like [`sine`].
+fn tangent(degrees: f64) -> f64 {
+    let (high, low) = radians(degrees);
+    let tangent = high.tan();
+    tangent + low * (1.0 + tangent * tangent)
+}
+
+/// An angle in radians as the sum of two doubles.
+fn radians(degrees: f64) -> (f64, f64) {
+    /// Pi is this much more than the double nearest to it.
+    const PI_LOW: f64 = 1.224_646_799_147_353_2e-16;
+    use std::f64::consts::PI;
+    let product = degrees * PI;
+    let rest = degrees.mul_add(PI, -product) + degrees * PI_LOW;
+    let high = product / 180.0;
+    let low = ((-high).mul_add(180.0, product) + rest) / 180.0;
+    (high, low)
 }
 
 fn finite(value: f64) -> Result<f64, Trouble> {

@@ -12,28 +12,51 @@ pub(crate) struct ExpressionError {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Trouble {
     NoValue,
-    Number { is_exponent: bool },
+    Number {
+        is_exponent: bool,
+    },
     NotClosed,
     NoOperator,
     UnknownFunction,
-    NoArgument { function: &'static str },
+    NoArgument {
+        function: &'static str,
+    },
     NoSecondArgument,
     NoParameterInExists,
-    TooDeep { most: u32 },
+    TooDeep {
+        most: u32,
+    },
     DivisionByZero,
-    NegativePower { base: f64, exponent: f64 },
-    OutOfDomain { function: &'static str, value: f64, allowed: &'static str },
+    NegativePower {
+        base: f64,
+        exponent: f64,
+    },
+    OutOfDomain {
+        function: &'static str,
+        value: f64,
+        allowed: &'static str,
+    },
     NotFinite,
     NoName,
-    NotWhole { value: f64 },
-    NoSuchNumber { number: f64 },
-    Undefined { name: String },
+    NotWhole {
+        value: f64,
+    },
+    NoSuchNumber {
+        number: f64,
+    },
+    Undefined {
+        name: String,
+    },
     /// The position that a parameter stands for is not known here.
-    UnknownPosition { axis: char },
+    UnknownPosition {
+        axis: char,
+    },
     /// The position that a parameter stands for depends on the radius of the tool.
     CompensatedPosition,
     /// A parameter whose value this machine does not have.
-    NotHere { what: String },
+    NotHere {
+        what: String,
+    },
 }
 
 impl Trouble {
@@ -93,9 +116,7 @@ impl Trouble {
             Self::NoParameterInExists => "write EXISTS[#<name>]".to_owned(),
             Self::TooDeep { .. } => "compute parts of it in parameters of their own".to_owned(),
             Self::DivisionByZero => "test the divisor with IF before this block".to_owned(),
-            Self::NegativePower { .. } => {
-                "use a whole exponent, or ABS of the base".to_owned()
-            }
+            Self::NegativePower { .. } => "use a whole exponent, or ABS of the base".to_owned(),
             Self::OutOfDomain { function, allowed, .. } => {
                 format!("{function} takes values {allowed}")
             }

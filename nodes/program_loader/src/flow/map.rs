@@ -52,7 +52,8 @@ impl FlowMap {
             if offset < seen.offset || map.entries.last().is_some_and(|it| it.at.offset == offset) {
                 continue;
             }
-            let line = seen.line + memchr::memchr_iter(b'\n', &text[seen.offset..offset]).count() as u32;
+            let line =
+                seen.line + memchr::memchr_iter(b'\n', &text[seen.offset..offset]).count() as u32;
             let at = Cursor { offset, line };
             seen = at;
             let length = memchr::memchr(b'\n', &text[offset..]);
@@ -68,8 +69,7 @@ impl FlowMap {
                 Some(Ok(statement)) => map.add(line, &statement, at, next, &mut open, findings),
                 Some(Err(bad)) => {
                     let source = line.source(None, bad.start, bad.end);
-                    findings
-                        .push(Finding::error(Code::Syntax, source, bad.message).help(bad.help));
+                    findings.push(Finding::error(Code::Syntax, source, bad.message).help(bad.help));
                 }
             }
         }
@@ -83,6 +83,14 @@ impl FlowMap {
             findings.push(Finding::error(Code::Syntax, source, message).help(help));
         }
         map
+    }
+
+    /// The names of subroutines that are called and not defined.
+    pub(crate) fn undefined_calls(&self) -> impl Iterator<Item = &str> {
+        let calls = self.entries.iter().filter(|entry| entry.keyword == Keyword::Call);
+        calls.map(|entry| &*entry.name).filter(|name| {
+            !name.is_empty() && !self.subs.contains_key(*name) && !self.programs.contains_key(*name)
+        })
     }
 
     /// The statement of the line that begins at this byte.
@@ -104,13 +112,16 @@ impl FlowMap {
             Name::Known(name) => name.clone().into(),
             Name::Computed(_) if statement.keyword == Keyword::Call => Box::default(),
             Name::Computed(_) => {
-                return report(line, statement, findings,
+                return report(
+                    line,
+                    statement,
+                    findings,
                     "only a call may compute the name of its subroutine".to_owned(),
-                    "write the number out".to_owned());
+                    "write the number out".to_owned(),
+                );
             }
         };
-        let mut entry =
-            Entry { at, next, keyword: statement.keyword, name, partner: usize::MAX };
+        let mut entry = Entry { at, next, keyword: statement.keyword, name, partner: usize::MAX };
         let trouble = self.connect(&mut entry, index, open);
         self.entries.push(entry);
         if let Err((message, help)) = trouble {
@@ -125,7 +136,7 @@ impl FlowMap {
         index: usize,
         open: &mut Vec<usize>,
     ) -> Result<(), (String, String)> {
-        let name = shown(&entry.name).to_owned();
+        let name = shown(&entry.name).into_owned();
         let last = open.last().copied();
         let opened = last.map(|last| self.entries[last].keyword);
         let is_last = last.is_some_and(|last| self.entries[last].name == entry.name);
@@ -160,7 +171,10 @@ impl FlowMap {
                 }
                 if let Some(&first) = self.subs.get(&entry.name) {
                     return Err((
-                        format!("O{name} is defined in line {} already", self.entries[first].at.line),
+                        format!(
+                            "O{name} is defined in line {} already",
+                            self.entries[first].at.line
+                        ),
                         "give one of them another name".to_owned(),
                     ));
                 }

@@ -79,7 +79,7 @@ pub(crate) struct Statement<'t> {
     pub(crate) block: Option<u32>,
     /// Whether the line begins with `/`.
     pub(crate) is_optional: bool,
-    /// The O, the first byte after the keyword, and the end of what is visible.
+    /// The O, the first byte after the keyword, and the end of the line or the `;` of a comment.
     pub(crate) start: usize,
     pub(crate) arguments: usize,
     pub(crate) end: usize,
@@ -153,8 +153,8 @@ pub(crate) fn read(text: &[u8]) -> Option<Result<Statement<'_>, BadStatement>> {
         }
     };
     let at = expression::skip_blanks(text, at);
-    let end = end_of_code(text, at);
-    let words = &text[at..end.max(at)];
+    let end = end_of_line(text, at);
+    let words = &text[at..end];
     let found = Keyword::WRITTEN.iter().find_map(|&(word, keyword)| {
         let length = expression::spelled(words, word)?;
         Some((keyword, at + length))
@@ -167,7 +167,7 @@ pub(crate) fn read(text: &[u8]) -> Option<Result<Statement<'_>, BadStatement>> {
         }
         None => return Some(bad(text, start, "the O word has no keyword", KEYWORDS)),
     };
-    Some(Ok(Statement { name, keyword, block, is_optional, start, arguments, end: end.max(at) }))
+    Some(Ok(Statement { name, keyword, block, is_optional, start, arguments, end }))
 }
 
 const KEYWORDS: &str = "write sub, endsub, call, return, if, elseif, else, endif, while, \
@@ -180,14 +180,38 @@ fn bad<'t>(
     message: &str,
     help: &'static str,
 ) -> Result<Statement<'t>, BadStatement> {
-    let end = end_of_code(text, start).max(start + 1);
+    let end = end_of_line(text, start).max(start + 1);
     Err(BadStatement { start, end, message: message.to_owned(), help })
 }
 
-/// Where a statement ends: at a comment, or at the end of the line.
-fn end_of_code(text: &[u8], start: usize) -> usize {
-    let length = memchr::memchr2(b'(', b';', &text[start..]).unwrap_or(text.len() - start);
-    start + text[start..start + length].trim_ascii_end().len()
+/// Where a statement ends: at the `;` of a comment, or at the end of the line.
+fn end_of_line(text: &[u8], start: usize) -> usize {
+    let mut at = start;
+    while let Some(length) = memchr::memchr2(b'(', b';', &text[at..]) {
+        at += length;
+        if text[at] == b';' {
+            return start + text[start..at].trim_ascii_end().len();
+        }
+        match memchr::memchr(b')', &text[at..]) {
+            Some(length) => at += length,
+            None => break,
+        }
+    }
+    start + text[start..].trim_ascii_end().len()
+}
+
+/// The index of the first byte from `at` on that is neither blank nor in a comment.
+pub(crate) fn skip_remarks(text: &[u8], mut at: usize) -> usize {
+    loop {
+        at = expression::skip_blanks(text, at);
+        match text.get(at) {
+            Some(b'(') => match memchr::memchr(b')', &text[at..]) {
+                Some(length) => at += length + 1,
+                None => return at,
+            },
+            _ => return at,
+        }
+    }
 }
 
 /// Values before the program runs.

@@ -7,7 +7,7 @@ use crate::dialect::{GWord, Group, MWord, RadiusWord};
 use crate::limits::{
     DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, FEED_MM_PER_MIN_MAX, NUMBER_MAX, SPINDLE_RPM_MAX,
 };
-use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, RadiusSource};
+use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, RadiusSource, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
 
@@ -105,6 +105,10 @@ impl Interpreter<'_> {
         if let Some((_, _, at)) = call {
             self.program_to_call(scene, at);
         }
+        let state = self.request.m().find(|(meaning, _, _)| matches!(meaning, MWord::State(_)));
+        if let Some((MWord::State(word), _, at)) = state {
+            self.saved_words(scene, word, at);
+        }
         let change = self.request.m().find(|(meaning, _, _)| *meaning == MWord::ChangeTool);
         if let Some((_, _, at)) = change {
             self.change_tool(scene, at);
@@ -138,6 +142,8 @@ impl Interpreter<'_> {
     fn change_tool(&mut self, scene: &mut Scene<'_>, at: usize) {
         if let Some(tool) = self.modal.selected_tool {
             self.modal.spindle_tool = Some(tool);
+            // The change stops the spindle.
+            self.modal.spindle = SpindleMode::Off;
             self.act(Action::ChangeTool { tool });
         } else if !self.request.present.contains(b'T') {
             let message = "M6 without a tool: no T has been programmed".to_owned();
@@ -157,10 +163,8 @@ impl Interpreter<'_> {
                 MWord::Auxiliary { after_motion: true } => {
                     self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
                 }
-                MWord::Stop { .. } | MWord::ProgramEnd { .. } => {
-                    if self.stop(meaning) {
-                        after = After::End;
-                    }
+                MWord::Stop { .. } | MWord::ProgramEnd { .. } if self.stop(meaning) => {
+                    after = After::End;
                 }
                 MWord::EndProgram => after = After::EndOfProgram,
                 MWord::CallProgram => after = self.called_program(),
@@ -268,12 +272,16 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn work_offset(&mut self) {
         if let Some((GWord::WorkOffset(system), _)) = self.request.g(Group::WorkOffset) {
-            self.act(Action::WorkOffset { system });
-            if self.modal.work_offset != system {
-                self.modal.work_offset = system;
-                let word = WORK_SYSTEMS[usize::from(system.clamp(1, 9) - 1)];
-                self.axes.lose(AxisSet::ALL, Cause { source: self.source, word });
-            }
+            self.select_work_offset(system);
+        }
+    }
+
+    pub(super) fn select_work_offset(&mut self, system: u8) {
+        self.act(Action::WorkOffset { system });
+        if self.modal.work_offset != system {
+            self.modal.work_offset = system;
+            let word = WORK_SYSTEMS[usize::from(system.clamp(1, 9) - 1)];
+            self.axes.lose(AxisSet::ALL, Cause { source: self.source, word });
         }
     }
 

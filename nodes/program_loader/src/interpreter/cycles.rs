@@ -1,4 +1,4 @@
-//! G73, G74, G81 to G86 and G89: drilling, boring and tapping cycles, written out as moves.
+//! G73, G74, G81 to G86, G88 and G89: drilling, boring and tapping cycles, written out as moves.
 //!
 //! As LinuxCNC does them, in each plane: R and the bottom are along the axis across the plane.
 //! Words stay in force while the same cycle is on. No cycle reaches a controller.
@@ -27,6 +27,8 @@ pub(crate) enum Cycle {
     Bore,
     /// G86: waits, and comes out with the spindle stopped.
     BoreAndStop,
+    /// G88: waits, stops the spindle and the program, and comes out.
+    BoreAndWait,
     /// G89: waits, and feeds out.
     BoreAndDwell,
 }
@@ -43,6 +45,7 @@ impl Cycle {
             Self::Tap { left_hand: false } => 84,
             Self::Bore => 85,
             Self::BoreAndStop => 86,
+            Self::BoreAndWait => 88,
             Self::BoreAndDwell => 89,
         }
     }
@@ -51,7 +54,9 @@ impl Cycle {
     const fn needs(self) -> Option<u8> {
         match self {
             Self::ChipBreak | Self::Peck => Some(b'Q'),
-            Self::DrillAndDwell | Self::BoreAndStop | Self::BoreAndDwell => Some(b'P'),
+            Self::DrillAndDwell | Self::BoreAndStop | Self::BoreAndWait | Self::BoreAndDwell => {
+                Some(b'P')
+            }
             Self::Tap { .. } | Self::Drill | Self::Bore => None,
         }
     }
@@ -59,7 +64,11 @@ impl Cycle {
     const fn can_dwell(self) -> bool {
         matches!(
             self,
-            Self::DrillAndDwell | Self::BoreAndStop | Self::BoreAndDwell | Self::Tap { .. }
+            Self::DrillAndDwell
+                | Self::BoreAndStop
+                | Self::BoreAndWait
+                | Self::BoreAndDwell
+                | Self::Tap { .. }
         )
     }
 }
@@ -173,7 +182,8 @@ impl Interpreter<'_> {
             self.below(scene, letter, r - shift, bottom - shift);
         }
         let in_plane = AxisSet::NONE.with(first).with(second);
-        let unnamed = in_plane.without(end.named).union(end.relative).union(AxisSet::NONE.with(across));
+        let unnamed =
+            in_plane.without(end.named).union(end.relative).union(AxisSet::NONE.with(across));
         let is_sound = self.relies(scene, unnamed) & self.has_feed(scene, MotionClass::Feed);
         words.last = Some(cycle);
         self.modal.cycle = words;
@@ -248,7 +258,7 @@ impl Interpreter<'_> {
         let wanted = match cycle {
             Cycle::Tap { left_hand: false } => self.modal.spindle == SpindleMode::Clockwise,
             Cycle::Tap { left_hand: true } => self.modal.spindle == SpindleMode::CounterClockwise,
-            Cycle::BoreAndStop => is_turning,
+            Cycle::BoreAndStop | Cycle::BoreAndWait => is_turning,
             _ => true,
         };
         if !wanted {
@@ -269,7 +279,8 @@ impl Interpreter<'_> {
         let scale = self.scale();
         let (r, bottom) = (r / scale, bottom / scale);
         let message = format!("the cycle feeds from R = {letter}{r} up to {letter}{bottom}");
-        let help = format!("R is the height from which the tool feeds down: write it above {letter}");
+        let help =
+            format!("R is the height from which the tool feeds down: write it above {letter}");
         self.report_block(scene, Code::BadNumber, message, &help);
     }
 
@@ -287,8 +298,10 @@ impl Interpreter<'_> {
             }
             Cycle::ChipBreak | Cycle::Peck => {
                 let steps = (plan.r - plan.bottom) / plan.step;
-                if !(steps <= CYCLE_MOVES_MAX) {
-                    let message = format!("the hole takes {steps:.0} steps; at most {CYCLE_MOVES_MAX} are accepted");
+                if steps.is_nan() || steps > CYCLE_MOVES_MAX {
+                    let message = format!(
+                        "the hole takes {steps:.0} steps; at most {CYCLE_MOVES_MAX} are accepted"
+                    );
                     let help = "look for a missing digit in Q";
                     self.report_block(scene, Code::Limit, message, help);
                     self.axes.poison(AxisSet::NONE.with(across));
@@ -334,6 +347,15 @@ impl Interpreter<'_> {
                 self.act(Action::Spindle(SpindleMode::Off));
                 self.go(rapid, hole, across, plan.clear);
                 self.act(Action::Spindle(turning));
+            }
+            Cycle::BoreAndWait => {
+                let turning = self.modal.spindle;
+                self.go(feed, hole, across, plan.bottom);
+                self.act(Action::Dwell { seconds: plan.dwell });
+                self.act(Action::Spindle(SpindleMode::Off));
+                self.act(Action::Stop { optional: false });
+                self.act(Action::Spindle(turning));
+                self.go(rapid, hole, across, plan.clear);
             }
             Cycle::BoreAndDwell => {
                 self.go(feed, hole, across, plan.bottom);

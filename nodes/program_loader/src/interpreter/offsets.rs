@@ -105,15 +105,12 @@ impl Interpreter<'_> {
         let (named, values) = self.axis_values(scene);
         let mode = self.take_number(scene, b'L');
         let system = self.take_number(scene, b'P');
-        if self.take(b'R').is_some_and(|angle| angle != 0.0) {
-            let help = "rotate the program in the CAM system";
-            let message = "a rotated work system is not supported".to_owned();
-            return self.report(scene, b'R', Code::Unsupported, message, help);
-        }
+        let turn = self.take(b'R').filter(|&angle| angle != 0.0);
         let by_position = match mode {
             Some(2) => false,
             Some(20) => true,
             Some(0 | 1 | 10 | 11) => {
+                self.request.has_refused_word = true;
                 let message = "G10 must not change the tool table".to_owned();
                 let help = "change the tool table of the planner (set_tool, or its file)";
                 return self.report(scene, b'L', Code::Unsupported, message, help);
@@ -129,6 +126,11 @@ impl Interpreter<'_> {
                 return self.report_at(scene, at, Code::MissingWord, message, help);
             }
         };
+        if turn.is_some() {
+            let help = "rotate the program in the CAM system";
+            let message = "a rotated work system is not supported".to_owned();
+            return self.report(scene, b'R', Code::Unsupported, message, help);
+        }
         let Some(system) = system else {
             if !self.request.present.contains(b'P') {
                 let message = "G10 without P".to_owned();

@@ -34,6 +34,8 @@ pub(super) struct Request {
     pub(super) has_refused_code: bool,
     /// Words whose letters have no meaning, or occur a second time.
     pub(super) doubtful: Vec<usize>,
+    /// Axes that the machine does not have, and that a warning has named.
+    pub(super) idle_axes: Vec<char>,
 }
 
 impl Default for Request {
@@ -53,6 +55,7 @@ impl Default for Request {
             has_refused_word: false,
             has_refused_code: false,
             doubtful: Vec::new(),
+            idle_axes: Vec::new(),
         }
     }
 }

@@ -34,9 +34,7 @@ impl Interpreter<'_> {
         }
         match number {
             5210 => Some(Ok(truth(self.modal.shift != [0.0; 3]))),
-            5211..=5213 => {
-                Some(Ok(self.modal.shift[(number - 5211) as usize] / self.scale()))
-            }
+            5211..=5213 => Some(Ok(self.modal.shift[(number - 5211) as usize] / self.scale())),
             5220 => Some(Ok(f64::from(self.modal.work_offset))),
             5400 => Some(Ok(f64::from(self.modal.spindle_tool.unwrap_or(0)))),
             5420..=5422 => Some(self.position_of((number - 5420) as usize)),
@@ -103,7 +101,7 @@ impl Interpreter<'_> {
             _ if name.starts_with("_abs_") => Some(Err(Trouble::NotHere {
                 what: "a position in machine coordinates, which is known only while the machine \
                        runs"
-                .to_owned(),
+                    .to_owned(),
             })),
             _ if name.starts_with("_ini[") || name.starts_with("_hal[") => {
                 Some(Err(Trouble::NotHere {
