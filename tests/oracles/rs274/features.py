@@ -496,7 +496,7 @@ def cycle(name, plane):
         top = rng.randint(5, 20)
         program.add("G0 " + " ".join(f"{axis}{length(rng.randint(0, 20))}" for axis in axes[:2])
                     + f" {axes[2]}{length(top)}")
-        program.add(rng.choice(["G98", "G99", "", "G98"]) or "(neither)")
+        program.add(rng.choice(["G98", "G99"]))
         incremental = rng.random() < 0.25
         program.add("G91" if incremental else "G90")
         r = -rng.randint(1, 4) if incremental else rng.randint(1, 8)
@@ -542,11 +542,18 @@ for _name in (73, 74, 81, 82, 83, 84, 85, 86, 88, 89):
         feature(f"cycle G{_name} {_plane}", _count)(cycle(_name, _plane))
 
 
+@feature("cycle without G98 and G99", 20)
+def cycle_default(program, rng):
+    program.add("S900 M3", f"G0 Z{length(rng.randint(5, 20))}",
+                f"G81 X{length(5)} Z{length(-3)} R{length(2)}", f"X{length(9)}",
+                rng.choice(["G98", "G99"]), f"X{length(12)}", "G80", f"G0 X{length(1)}")
+
+
 @feature("cycles in a loop", 60)
 def cycle_loop(program, rng):
     code = rng.choice(["G81", "G82 P0.5", "G83 Q2", "G73 Q1.5", "G85"])
-    program.add("S900 M3", "G0 Z10", "#1=0", f"o100 while [#1 LT {rng.randint(1, 5)}]",
-                f"  {code} X[#1 * 10] Y[#1 * #1] Z-{rng.randint(1, 6)} R2",
+    program.add("S900 M3", "G0 Z10", rng.choice(["G98", "G99"]), "#1=0",
+                f"o100 while [#1 LT {rng.randint(1, 5)}]", f"  {code} X[#1 * 10] Y[#1 * #1] Z-{rng.randint(1, 6)} R2",
                 "  #1=[#1 + 1]", "o100 endwhile", "G80")
     program.scales = False
 
