@@ -77,13 +77,14 @@ def run_linuxcnc(root, folder, program, size):
             f"[RS274NGC]\nSUBROUTINE_PATH={program.folder}\n[DISPLAY]\n"
             f"PROGRAM_PREFIX={program.folder}\n")
         options = ["-i", "machine.ini"]
+    tools = program.sized_tools(size)
     try:
-        ran = Rs274(root).run(place, source, program.sized_tools(size), options, TIMEOUT_S)
+        ran = Rs274(root).run(place, source, tools, options, TIMEOUT_S)
     except subprocess.TimeoutExpired:
         return Answer(False, "does not end")
     if ran.returncode < 0:
         return Answer(False, f"crashes with signal {-ran.returncode}")
-    return linuxcnc_output.answer(ran, complaints(ran), NO_END, size)
+    return linuxcnc_output.answer(ran, complaints(ran), NO_END, size, [it[0] for it in tools])
 
 
 def run_kerf(command, folder, program, size):

@@ -15,10 +15,12 @@ CURVES = ("NURBS_FEED", "NURBS_G5_FEED", "NURBS_G6_FEED")
 
 
 class Reader:
-    """`size`: how many times as large as meant the program was written."""
+    """`size`: how many times as large as meant the program was written. `tools`: in the order of
+    their pockets."""
 
-    def __init__(self, size):
+    def __init__(self, size, tools):
         self.size = size
+        self.tools = tools
         self.unit = 1.0
         self.state = State()
         self.items = []
@@ -191,7 +193,9 @@ class Reader:
         self.state.selected = int(self.numbers(arguments)[0])
 
     def on_change_tool(self, arguments):
-        self.event("tool", int(self.numbers(arguments)[0]))
+        # It says the pocket.
+        pocket = int(self.numbers(arguments)[0])
+        self.event("tool", self.tools[pocket - 1] if pocket else 0)
 
     def on_program_stop(self, _):
         self.event("stop")
@@ -203,9 +207,9 @@ class Reader:
         self.event("end")
 
 
-def answer(ran, complaints, no_end, size):
+def answer(ran, complaints, no_end, size, tools):
     """What LinuxCNC says. A program that only lacks its end was run to there."""
-    items = Reader(size).read(ran.stdout)
+    items = Reader(size, tools).read(ran.stdout)
     ends = bool(items) and isinstance(items[-1], Event) and items[-1].kind == "end"
     lacks_end = bool(complaints) and complaints[0] == no_end
     takes = not complaints or lacks_end or ends
