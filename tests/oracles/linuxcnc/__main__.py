@@ -29,10 +29,9 @@ from clearance import GOUGE_MM, UNSEEN_MM, Cuts, measure
 from geometry import Arc, Line, plus, polar
 from interpreters import Answer, Kerf, LinuxCnc
 from programs import SHALLOW_RAD, Program, heading, programs
+from same_path import SAME_MM, same
 
-# Paths are the same up to this. LinuxCNC prints four decimals: of a program that is as many times
-# as large it shows two more.
-SAME_MM = 1e-5
+# LinuxCNC prints four decimals: of a program that is as many times as large it shows two more.
 LARGER = 100
 
 # What is decided to be otherwise than in LinuxCNC: the programs, what is said of them, and why.
@@ -98,33 +97,6 @@ def run(kerf, linuxcnc, program):
     path = fine.path if fine and fine.takes else coarse.path
     cuts = measure(program, path) if coarse.takes else Cuts()
     return Result(program, coarse, fine, kerf.run(program), cuts)
-
-
-def same(one, other, allowed_mm=SAME_MM):
-    """None, or where one path leaves the other: in space, in order, and rapid where it is."""
-    ways = [[piece for piece in path if piece.length > 1e-6] for path in (one, other)]
-    for way, beside in (ways, ways[::-1]):
-        reached = 0
-        for piece in way:
-            for part in (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0):
-                point = piece.at(part)
-                near = math.inf
-                for number in range(reached, len(beside)):
-                    near = min(near, beside[number].distance(point))
-                    if near <= allowed_mm:
-                        break
-                else:
-                    place = " ".join(f"{axis}{value:.4f}" for axis, value in zip("XYZ", point))
-                    return f"{near:.6f} mm apart at {place}"
-                reached = number
-                if part == 0.5 and beside[reached].is_rapid != piece.is_rapid:
-                    return f"a rapid in one of them only, at block {piece.block}"
-    lengths = [sum(piece.length for piece in way) for way in ways]
-    # At a joint that is off by little, both may be longer by more.
-    more_mm = allowed_mm if allowed_mm == SAME_MM else math.sqrt(allowed_mm)
-    if abs(lengths[0] - lengths[1]) > 2.0 * sum(map(len, ways)) * more_mm:
-        return f"{lengths[0]:.6f} and {lengths[1]:.6f} mm long"
-    return None
 
 
 def disagreement(result):

@@ -1,7 +1,6 @@
 """LinuxCNC's interpreter and Kerf's planner, each as a process."""
 
 import json
-import os
 import re
 import subprocess
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from dataclasses import dataclass
 from clearance import moved
 from geometry import apart
 from programs import MARK
+from rs274_process import Rs274, complaints
 
 
 @dataclass
@@ -22,27 +22,15 @@ class Answer:
 
 class LinuxCnc:
     def __init__(self, root, folder):
-        libraries = [root / "usr/lib", *(root / "usr/lib").glob("*-linux-gnu*")]
-        self.environment = dict(os.environ, LD_LIBRARY_PATH=":".join(map(str, libraries)))
-        # It has a Python in it, whose library was unpacked where none is installed.
-        if next((root / "usr/lib").glob("python3.*/os.py"), None):
-            self.environment["PYTHONHOME"] = str(root / "usr")
-        self.command = root / "usr/bin/rs274"
+        self.rs274 = Rs274(root)
         self.folder = folder
 
     def run(self, program, size):
         folder = self.folder / f"linuxcnc_{size}"
         folder.mkdir()
         (folder / "part.ngc").write_text(program.text(size))
-        # Without a machine, LinuxCNC takes the tool table for inches.
-        (folder / "tool.tbl").write_text(f"T1 P1 D{2 * program.radius * size / 25.4:.15f} Z0\n")
-        (folder / "rs274.var").write_text("")
-        # It keeps its tools in a file at home, which two processes would share.
-        ran = subprocess.run(
-            [self.command, "-g", "-t", "tool.tbl", "-v", "rs274.var", "part.ngc"],
-            cwd=folder, env=self.environment | {"HOME": str(folder)}, capture_output=True,
-            text=True, timeout=60)
-        words = [line for line in ran.stderr.splitlines() if line and line != "executing"]
+        ran = self.rs274.run(folder, "part.ngc", [(1, 2 * program.radius * size, 0.0)])
+        words = complaints(ran)
         takes = "PROGRAM_END()" in ran.stdout
         # Nothing understood is neither.
         assert takes or words, (program.name, ran)

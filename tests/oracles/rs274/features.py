@@ -1,0 +1,940 @@
+"""Programs of the whole language, one generator for each feature.
+
+A generator writes the middle of a program; seeds are literals, so that a program always is the
+same. What is written is valid, but for the features of bad_input.py.
+"""
+
+import math
+
+from expressions import LEVELS, FUNCTIONS, apply, cased, expression, flat, function, number, written
+from program import Program, length
+
+# Feature: generator, and how many programs of it.
+FEATURES = {}
+PLANES = {"G17": "XYZ", "G18": "ZXY", "G19": "YZX"}
+
+
+def feature(name, count):
+    def register(generator):
+        FEATURES[name] = (generator, count)
+        return generator
+    return register
+
+
+def programs():
+    for name, (generator, count) in FEATURES.items():
+        for seed in range(count):
+            yield write(name, generator, seed)
+
+
+def write(name, generator, seed):
+    program = Program(name, seed)
+    program.add("G21 G17 G90 G94 G40 G80 G49 G54", "F600")
+    end = generator(program, program.rng)
+    program.add(*(["M2"] if end is None else end))
+    return program
+
+
+def mm(rng, low=-50.0, high=50.0):
+    return length(rng.uniform(low, high))
+
+
+def axis_words(rng, axes="XYZ", source=mm):
+    chosen = [axis for axis in axes if rng.random() < 0.6] or [rng.choice(axes)]
+    return " ".join(f"{axis}{source(rng)}" for axis in chosen)
+
+
+def move(rng, axes="XYZ", source=mm):
+    return f"{rng.choice(['G0', 'G1', 'G1', 'G01'])} {axis_words(rng, axes, source)}"
+
+
+# Expressions and parameters
+
+def value_words(program, rng, values):
+    """Moves to values that are no lengths."""
+    for n in range(0, len(values), 3):
+        words = " ".join(f"{axis}{text}" for axis, text in zip("XYZ", values[n:n + 3]))
+        program.add(f"G{rng.randint(0, 1)} {words}")
+    program.scales = False
+
+
+def bracketed(found):
+    return found[0] if found[0].startswith("[") else f"[{found[0]}]"
+
+
+@feature("expression operators", 150)
+def operators(program, rng):
+    values = []
+    while len(values) < 12:
+        operator = rng.choice([it for level in LEVELS for it in level])
+        a, b = number(rng), number(rng)
+        if rng.random() < 0.3:
+            b = a
+        if apply(operator, a[1], b[1]) is not None:
+            blank = " " if operator.isalpha() else rng.choice(["", " "])
+            values.append(f"[{a[0]}{blank}{cased(rng, operator)}{blank}{b[0]}]")
+    value_words(program, rng, values)
+
+
+@feature("expression functions", 200)
+def functions(program, rng):
+    values = []
+    while len(values) < 12:
+        found = function(rng, rng.choice(FUNCTIONS), number(rng))
+        if found:
+            values.append(bracketed(found) if rng.random() < 0.5 else found[0])
+    value_words(program, rng, values)
+
+
+@feature("expression precedence", 300)
+def precedence(program, rng):
+    values = []
+    while len(values) < 9:
+        found = flat(rng, [number(rng) for _ in range(rng.randint(3, 7))])
+        if found:
+            values.append(f"[{found[0]}]")
+    value_words(program, rng, values)
+
+
+@feature("expression nesting", 300)
+def nesting(program, rng):
+    values = [bracketed(expression(rng, rng.randint(2, 4))) for _ in range(6)]
+    value_words(program, rng, values)
+
+
+@feature("expression on exact values", 60)
+def exact(program, rng):
+    """Functions where their result should be whole, and rounding shows."""
+    whole = [-720, -450, -90, -60, -45, -30, 0, 30, 45, 60, 90, 120, 135, 150, 180, 270, 360]
+    values = []
+    for _ in range(12):
+        name, angle = rng.choice(["SIN", "COS", "TAN"]), rng.choice(whole)
+        if name == "TAN" and angle % 180 == 90:
+            name = "SIN"
+        values.append(rng.choice([
+            f"[{name}[{angle}] * 10]", f"FIX[{name}[{angle}] * 2]", f"FUP[{name}[{angle}] * 2]",
+            f"ROUND[{name}[{angle}] * 2]", f"[{name}[{angle}] EQ {rng.choice([0, 1, 0.5])}]",
+            f"[SQRT[{rng.choice([4, 9, 2])}] GE {rng.choice([2, 3])}]",
+            f"[[0.1 + 0.2] EQ 0.3]", f"FIX[{rng.randint(1, 9)} * 0.1 * 10]",
+            f"ROUND[{rng.choice(['0.5', '-0.5', '1.5', '2.5', '-1.5', '-2.5'])}]",
+            f"FIX[{rng.choice(['-0.5', '-2.8', '2.8', '-3'])}]",
+            f"FUP[{rng.choice(['-0.5', '-2.8', '2.8', '-3'])}]",
+            f"[{rng.choice(['-7', '7', '-7.5', '7.5'])} MOD {rng.choice(['3', '-3', '2.5'])}]",
+            f"[{rng.choice(['0', '-0', '2'])} ** {rng.choice(['0', '1', '3'])}]"]))
+    value_words(program, rng, values)
+
+
+@feature("expression in words", 120)
+def in_words(program, rng):
+    program.add(f"#1={rng.randint(1, 9)} #2={rng.randint(1, 9)}.5 #<a b>=3")
+    for _ in range(8):
+        program.add(rng.choice([
+            f"G[{rng.randint(0, 1)}] X[#1 + 1] Y-#2", "G#1" if False else "G1 X#1 Y+#2 Z-[#1]",
+            f"F[#1 * 100] G1 X-[#1 * {rng.randint(1, 5)}]", f"S[#1 * 1000] M[1 + 2]",
+            f"G4 P[#2 / 10]", f"T[{rng.randint(1, 3)} + 1]", f"G0 X-#1 Y-#2 Z#<a b>",
+            f"G0 x #1 y [ #2 * 2 ]", f"G0 X##1", f"G1 X[-#1] Y[+#2] Z[- [#1]]",
+            f"G1 X-SIN[30] Y ABS[-#1]", f"N{rng.randint(1, 9999)} G0 Z[#1]",
+            f"G0 X#[#1] Y[#[#1 + 1]]", f"M{rng.choice(['[3]', '05', '[4 + 1]'])}"]))
+    program.scales = False
+
+
+@feature("numbers", 80)
+def numbers(program, rng):
+    for _ in range(6):
+        values = [written(rng, number(rng)[1]) for _ in range(3)]
+        words = [f"{axis}{rng.choice(['', '', ' '])}{value}" for axis, value in zip("XYZ", values)]
+        rng.shuffle(words)
+        program.add(rng.choice(["", " "]).join([f"G0{rng.randint(0, 1)}", *words]))
+        program.add(rng.choice(["g 1 x 1 0 y 2", "G1X10Y20Z.5", "G0 X-.5", "g1 x+3.", "G0 Z1 0.5",
+                                "\tG1\tX7", "G1 X-0", "G1X1(a)Y2(b)", "G0 Y3 ; X9", "N10 G0 X4",
+                                "N20.1 G0 X5", "n30g0x6", "G01 X8 ", "/ G0 X9", "/N40 G0 X3"]))
+    program.scales = False
+
+
+@feature("parameters numbered", 200)
+def numbered(program, rng):
+    known = {}
+
+    def leaf(rng):
+        if known and rng.random() < 0.6:
+            name = rng.choice(list(known))
+            ways = [f"#{name}", f"#[{name}]", f"# {name}"]
+            pointers = [it for it, value in known.items() if value == name]
+            if pointers:
+                ways.append(f"##{rng.choice(pointers)}")
+            return rng.choice(ways), known[name]
+        return number(rng)
+
+    for _ in range(rng.randint(6, 12)):
+        name = rng.choice([rng.randint(1, 30), rng.randint(31, 5000)])
+        text, value = expression(rng, rng.randint(0, 2), leaf)
+        if rng.random() < 0.25 and known:
+            # A pointer.
+            value = rng.choice(list(known))
+            text = str(value)
+        program.add(rng.choice([f"#{name}={text}", f"#{name} = {text}", f"#[{name}]={text}"]))
+        known[name] = value
+        if rng.random() < 0.5:
+            value_words(program, rng, [leaf(rng)[0] for _ in range(3)])
+    value_words(program, rng, [f"#{name}" for name in known])
+
+
+@feature("parameters of the same line", 120)
+def same_line(program, rng):
+    """All values of a line are those from before it."""
+    program.add("#1=1 #2=2 #3=3")
+    for _ in range(6):
+        words = [f"#{rng.randint(1, 3)}=[{rng.choice(['#1', '#2', '#3'])} + {rng.randint(1, 9)}]"
+                 for _ in range(rng.randint(1, 3))]
+        words += [f"{axis}#{n}" for axis, n in zip("XYZ", (1, 2, 3))]
+        rng.shuffle(words)
+        program.add(" ".join([f"G{rng.randint(0, 1)}", *words]))
+    program.scales = False
+
+
+@feature("parameters named", 200)
+def named(program, rng):
+    names = ["a", "depth", "Feed Rate", "_global", "_G2", "x1", "tool dia.", "_a b"]
+    known = []
+    for _ in range(10):
+        name = rng.choice(names)
+        written_name = rng.choice([name, name.upper(), name.replace(" ", ""), f" {name} "])
+        if known and rng.random() < 0.5:
+            text = f"[#<{rng.choice(known)}> * 2 + {number(rng)[0]}]"
+        else:
+            text = number(rng)[0]
+        program.add(f"#<{written_name}>={text}")
+        known.append(name)
+        program.add(f"G{rng.randint(0, 1)} X#<{rng.choice(known)}> Y#<{rng.choice(known)}> "
+                    f"Z[EXISTS[#<{rng.choice(names + ['nothing'])}>]]")
+    program.scales = False
+
+
+@feature("parameters predefined", 150)
+def predefined(program, rng):
+    program.add("T1 M6", f"S{rng.randint(1, 9)}00 M3", f"F{rng.randint(1, 9)}00")
+    for _ in range(10):
+        program.add(rng.choice([
+            move(rng, source=lambda rng: str(rng.randint(-30, 30))),
+            f"G{rng.choice([17, 18, 19])}", f"G{rng.choice([90, 91])}", f"G{rng.choice([98, 99])}",
+            "M8", "M7", "M9", f"T{rng.randint(1, 5)} M6", "G20\nF20", "G21\nF500", "M5", "M4",
+            f"G92 X{rng.randint(1, 9)}", "G92.1"]))
+        name = rng.choice(["_x", "_y", "_z", "_feed", "_rpm", "_metric", "_imperial", "_plane",
+                           "_absolute", "_incremental", "_current_tool", "_selected_tool",
+                           "_spindle_on", "_spindle_cw", "_mist", "_flood", "_ccomp",
+                           "_coord_system", "_motion_mode", "_inverse_time", "_units_per_minute",
+                           "_units_per_rev", "_lathe_diameter_mode", "_lathe_radius_mode",
+                           "_tool_offset", "_call_level", "_value", "_value_returned", "_line"])
+        program.add(f"#7=#<{name}>", "G90", f"G0 X[#7 / 10]")
+        # LinuxCNC's offsets are in inches, as its machine is.
+        value = rng.choice(["#5220", "#5420", "#5421", "#5422", "[#5211 GT 0]", "#5210", "#5400"])
+        program.add(f"#8={value}", "G0 Y[#8 / 10]")
+    program.scales = False
+
+
+# Flow
+
+def loop_value(rng):
+    """A value that is known at no time, but always is in the domain."""
+    return rng.choice(["#1", "#2", "[#1 + 1]", "[#2 * 2]", "[#1 - #2]", "SIN[#1 * 29 + 1]", "[#1 MOD 3]",
+                       "ABS[#2]", "[#1 / [ABS[#2] + 1]]", "SQRT[ABS[#1]]", "ROUND[#2]"])
+
+
+def condition(rng):
+    return (f"[{loop_value(rng)} {rng.choice(['LT', 'GT', 'LE', 'GE', 'EQ', 'NE'])} "
+            f"{rng.randint(-3, 6)}]")
+
+
+class Flow:
+    """Statements in each other; numbers of O words are used once."""
+
+    def __init__(self, program, rng):
+        self.program, self.rng = program, rng
+        self.labels = 100
+        self.budget = 40
+        self.does, self.repeats = set(), 0
+        # After a break out of a while, LinuxCNC runs the next do only once.
+        self.has_break = rng.random() < 0.5
+
+    def label(self):
+        self.labels += 1
+        if self.rng.random() < 0.25:
+            return f"o<label {self.labels}>" if self.rng.random() < 0.3 else f"o<l{self.labels}>"
+        return f"{self.rng.choice('oO')}{self.labels}"
+
+    def line(self, depth, text):
+        self.program.add("  " * (depth if self.rng.random() < 0.8 else 0) + text)
+
+    def block(self, depth, in_loop=None, in_sub=False):
+        for _ in range(self.rng.randint(1, 3)):
+            self.statement(depth, in_loop, in_sub)
+
+    def statement(self, depth, in_loop, in_sub):
+        rng = self.rng
+        self.budget -= 1
+        kind = rng.choice(["move", "move", "set", "if", "while", "do", "repeat", "jump"])
+        if self.budget < 0 or depth > 4:
+            kind = "move"
+        if kind == "move":
+            self.line(depth, f"G{rng.randint(0, 1)} X{loop_value(rng)} Y{loop_value(rng)}")
+        elif kind == "set":
+            self.line(depth, f"#2=[{loop_value(rng)} MOD 50]")
+        elif kind == "jump":
+            if in_loop:
+                label = self.label()
+                self.line(depth, f"{label} if {condition(rng)}")
+                # After a continue of a do in a repeat, LinuxCNC's repeat does not end.
+                words = ["break"] if in_loop in self.does else ["continue"]
+                if in_loop not in self.does and self.has_break:
+                    words = ["break", "continue"]
+                elif in_loop in self.does and not self.repeats:
+                    words = ["break", "continue"]
+                self.line(depth + 1, f"{in_loop} {rng.choice(words)}")
+                self.line(depth, f"{label} endif")
+            elif in_sub:
+                label = self.label()
+                self.line(depth, f"{label} if {condition(rng)}")
+                self.line(depth + 1, f"{in_sub} return [#2]")
+                self.line(depth, f"{label} endif")
+        elif kind == "if":
+            label = self.label()
+            self.line(depth, f"{label} if {condition(rng)}")
+            self.block(depth + 1, in_loop, in_sub)
+            for _ in range(rng.choice([0, 0, 1, 2])):
+                self.line(depth, f"{label} elseif {condition(rng)}")
+                self.block(depth + 1, in_loop, in_sub)
+            if rng.random() < 0.5:
+                self.line(depth, f"{label} else")
+                self.block(depth + 1, in_loop, in_sub)
+            self.line(depth, f"{label} endif")
+        else:
+            self.loop(kind, depth, in_sub)
+
+    def loop(self, kind, depth, in_sub):
+        """Each has a counter of its own, so that `continue` does not keep it from ending."""
+        rng, label = self.rng, self.label()
+        if kind == "do" and self.has_break:
+            kind = "while"
+        counter = f"#{self.labels}"
+        if kind == "repeat":
+            self.line(depth, f"{label} repeat [{rng.randint(0, 4)}]")
+            # It has neither break nor continue.
+            self.repeats += 1
+            self.block(depth + 1, None, in_sub)
+            self.repeats -= 1
+            self.line(depth, f"{label} endrepeat")
+            return
+        self.line(depth, f"{counter}=0")
+        times = rng.randint(0, 4)
+        if kind == "while":
+            self.line(depth, f"{label} while [{counter} LT {times}]")
+        else:
+            self.does.add(label)
+            self.line(depth, f"{label} do")
+        self.line(depth + 1, f"{counter}=[{counter} + 1] #1=[#1 + 1]")
+        self.block(depth + 1, label, in_sub)
+        if kind == "while":
+            self.line(depth, f"{label} endwhile")
+        else:
+            self.line(depth, f"{label} while [{counter} LT {times}]")
+
+
+def flow_of(kinds, count):
+    def generator(program, rng):
+        flow = Flow(program, rng)
+        program.add("#1=0 #2=1")
+        for _ in range(2):
+            if kinds[0] == "if":
+                flow.budget = 12
+                flow.statement(0, None, None)
+                label = flow.label()
+                flow.line(0, f"{label} if {condition(rng)}")
+                flow.block(1)
+                flow.line(0, f"{label} elseif {condition(rng)}")
+                flow.block(1)
+                flow.line(0, f"{label} else")
+                flow.block(1)
+                flow.line(0, f"{label} endif")
+            else:
+                flow.budget = 8
+                flow.loop(rng.choice(kinds), 0, None)
+        program.scales = False
+    return generator
+
+
+feature("flow if", 120)(flow_of(["if"], 0))
+feature("flow while", 120)(flow_of(["while"], 0))
+feature("flow do", 120)(flow_of(["do"], 0))
+
+
+@feature("flow break out of while, then do", 2)
+def while_then_do(program, rng):
+    program.add("o1 while [1]", "  o1 break", "o1 endwhile", "#9=0", "o2 do", "  #9=[#9 + 1]",
+                "  G0 X#9", f"o2 while [#9 LT {rng.randint(2, 4)}]")
+    program.scales = False
+
+
+
+feature("flow repeat", 120)(flow_of(["repeat"], 0))
+
+
+@feature("flow do and continue", 20)
+def do_continue(program, rng):
+    program.add("#3=0", "o1 do", "  #3=[#3 + 1]", f"  o2 if [#3 LT {rng.randint(1, 6)}]",
+                "    o1 continue", "  o2 endif", "  G1 X#3", f"o1 while [#3 LT {rng.randint(1, 8)}]",
+                "G0 Y#3")
+    program.scales = False
+
+
+@feature("flow mixed", 250)
+def mixed(program, rng):
+    program.add("#1=0 #2=1")
+    flow = Flow(program, rng)
+    for _ in range(rng.randint(3, 6)):
+        flow.statement(0, None, None)
+    program.scales = False
+
+
+def sub_name(rng, n):
+    return rng.choice([f"o{500 + n}", f"o<sub{n}>", f"O<Sub {n}>" if n % 2 else f"o<s-{n}>"])
+
+
+@feature("subs", 250)
+def subs(program, rng):
+    """Definitions before the calls; arguments, locals, return values."""
+    flow = Flow(program, rng)
+    flow.labels = 600
+    names = [sub_name(rng, n) for n in range(rng.randint(1, 3))]
+    for n, name in enumerate(names):
+        program.add(f"{name} sub")
+        program.add(f"  #<local>=[#1 + #2 + {n}]", f"  G1 X#<local> Y#1 Z#{rng.randint(1, 4)}")
+        flow.budget = 6
+        flow.block(1, None, name)
+        if n and rng.random() < 0.6:
+            program.add(f"  {names[n - 1]} call [#1] [2] [#<local>]")
+        ending = rng.choice(["", f" [#<local> + {rng.randint(0, 5)}]"])
+        program.add(f"{name} endsub{ending}")
+    program.add("#1=7 #2=8")
+    for _ in range(rng.randint(1, 4)):
+        name = rng.choice(names)
+        arguments = " ".join(f"[{number(rng)[0]}]" for _ in range(rng.randint(0, 4)))
+        program.add(f"{name} call {arguments}")
+        program.add("G0 X[#<_value>] Y#1 Z[#<_value_returned>]")
+    program.scales = False
+
+
+@feature("sub arguments", 60)
+def arguments(program, rng):
+    count = rng.randint(0, 30)
+    program.add("o100 sub")
+    program.add(*[f"  G1 X#{n} Y#{n + 1} Z#{n + 2}" for n in range(1, 29, 3)])
+    program.add("  #3=99", "o100 endsub")
+    program.add(*[f"#{n}={n}.5" for n in range(1, 31)])
+    program.add("o100 call " + "".join(f"[{rng.randint(-99, 99)}]" for _ in range(count)))
+    program.add(*[f"G0 X#{n} Y#{n + 1} Z#{n + 2}" for n in range(1, 29, 3)])
+    program.scales = False
+
+
+@feature("sub recursion", 60)
+def recursion(program, rng):
+    depth, name = rng.randint(1, 8), sub_name(rng, 1)
+    program.add(f"{name} sub", "  o1 if [#1 LE 0]",
+                f"    {name} return [1]", "  o1 endif", f"  G1 X#1 Y[#1 * {rng.randint(1, 3)}]",
+                f"  {name} call [#1 - 1]", "  #<result>=[#<_value> + #1]", "  G1 Z#<result>",
+                f"{name} endsub [#<result>]", f"{name} call [{depth}]", "G0 X#<_value>")
+    program.scales = False
+
+
+@feature("sub indirect", 60)
+def indirect(program, rng):
+    for n in (200, 201, 202):
+        program.add(f"o{n} sub", f"  G1 X[#1 + {n}]", f"o{n} endsub")
+    program.add(f"#5={rng.choice([200, 201, 202])}", f"o#5 call [{rng.randint(1, 9)}]")
+    program.add(f"o[200 + {rng.randint(0, 2)}] call [{rng.randint(1, 9)}]")
+    program.add(f"#<n>=201 o#<n> call [1]" if False else "#<n>=201", "o#<n> call [1]")
+    program.scales = False
+
+
+@feature("sub in files", 80)
+def in_files(program, rng):
+    program.files["helper.ngc"] = [
+        "o<helper> sub", "  G1 X#1 Y#2", "  o<inner> call [5]", "o<helper> endsub [#1 * 2]",
+        "o<inner> sub", "  G1 Z#1", "o<inner> endsub", "M2"] if rng.random() < 0.5 else [
+        "(helper)", "o<helper> sub", "  G1 X#1 Y#2", "o<helper> endsub [#1 * 2]"]
+    program.files["300.ngc"] = ["o300 sub", "  G0 X#1", "o300 endsub", "M2"]
+    program.add(f"o<helper> call [{rng.randint(1, 9)}] [{rng.randint(1, 9)}]", "G0 Z#<_value>")
+    if rng.random() < 0.5:
+        program.add("o300 call [3]")
+    program.scales = False
+
+
+@feature("M98 and M99", 100)
+def m98(program, rng):
+    """Fanuc's subprograms, behind the main program."""
+    program.add(f"M98 P100 L{rng.randint(1, 3)}", "G0 X1", "M98 P101")
+    if rng.random() < 0.5:
+        program.add("M98 P100")
+    program.add("M30")
+    program.add("O100", f"G91 G1 X{rng.randint(1, 9)} Y{rng.randint(1, 9)}", "G90")
+    if rng.random() < 0.5:
+        program.add("M98 P101 L2")
+    program.add("M99", "O101", f"G1 Z{rng.randint(1, 9)}", f"G1 X{rng.randint(1, 9)}", "M99")
+    program.scales = False
+    return []
+
+
+# Drilling cycles
+
+def cycle(name, plane):
+    code = f"G{name}"
+    axes = PLANES[plane]
+
+    def generator(program, rng):
+        program.add(plane, f"S1000 {'M4' if name == 74 else 'M3'}")
+        if rng.random() < 0.15:
+            program.add("G20", "F20")
+        top = rng.randint(5, 20)
+        program.add("G0 " + " ".join(f"{axis}{length(rng.randint(0, 20))}" for axis in axes[:2])
+                    + f" {axes[2]}{length(top)}")
+        program.add(rng.choice(["G98", "G99"]))
+        incremental = rng.random() < 0.25
+        program.add("G91" if incremental else "G90")
+        r = -rng.randint(1, 4) if incremental else rng.randint(1, 8)
+        bottom = -rng.randint(4, 12) if incremental else -rng.randint(0, 9)
+        words = [f"{axes[2]}{length(bottom)}", f"R{length(r)}"]
+        if name in (73, 83):
+            words.append(f"Q{length(rng.choice([1.0, 2.5, 3.0, 0.7]))}")
+        if name in (82, 86, 88, 89) or name in (74, 84) and rng.random() < 0.3:
+            words.append(f"P{rng.choice(['0.5', '1', '0.25'])}")
+        if rng.random() < 0.7:
+            words += [f"{axis}{length(rng.randint(-20, 20))}" for axis in axes[:2]
+                      if rng.random() < 0.8]
+        # LinuxCNC takes no L with G74.
+        if rng.random() < 0.25 and name != 74:
+            words.append(f"L{rng.randint(1, 3)}")
+        if rng.random() < 0.2:
+            words.append("F300")
+        rng.shuffle(words)
+        program.add(" ".join([code, *words]))
+        for _ in range(rng.randint(0, 4)):
+            # Sticky words: only what is another one is written.
+            words = [f"{axis}{length(rng.randint(-20, 20))}" for axis in axes[:2]
+                     if rng.random() < 0.7]
+            if rng.random() < 0.3:
+                words.append(f"{axes[2]}{length(bottom - rng.randint(0, 3))}")
+            if rng.random() < 0.2:
+                words.append(f"R{length(r + (0 if incremental else rng.randint(0, 2)))}")
+            if rng.random() < 0.15 and name != 74:
+                words.append(f"L{rng.randint(1, 3)}")
+            if rng.random() < 0.2:
+                words.insert(0, rng.choice(["G98", "G99"]))
+            if not any(word[0] in axes for word in words):
+                words.append(f"{axes[0]}{length(rng.randint(-20, 20))}")
+            if rng.random() < 0.3:
+                words.insert(0, code)
+            program.add(" ".join(words))
+        program.add("G80", f"G90 G0 {axes[0]}{length(3)}")
+    return generator
+
+
+for _name in (73, 74, 81, 82, 83, 84, 85, 86, 88, 89):
+    for _plane, _count in (("G17", 60), ("G18", 25), ("G19", 25)):
+        feature(f"cycle G{_name} {_plane}", _count)(cycle(_name, _plane))
+
+
+@feature("cycle without G98 and G99", 20)
+def cycle_default(program, rng):
+    program.add("S900 M3", f"G0 Z{length(rng.randint(5, 20))}",
+                f"G81 X{length(5)} Z{length(-3)} R{length(2)}", f"X{length(9)}",
+                rng.choice(["G98", "G99"]), f"X{length(12)}", "G80", f"G0 X{length(1)}")
+
+
+@feature("cycles in a loop", 60)
+def cycle_loop(program, rng):
+    code = rng.choice(["G81", "G82 P0.5", "G83 Q2", "G73 Q1.5", "G85"])
+    program.add("S900 M3", "G0 Z10", rng.choice(["G98", "G99"]), "#1=0",
+                f"o100 while [#1 LT {rng.randint(1, 5)}]", f"  {code} X[#1 * 10] Y[#1 * #1] Z-{rng.randint(1, 6)} R2",
+                "  #1=[#1 + 1]", "o100 endwhile", "G80")
+    program.scales = False
+
+
+# Coordinates
+
+@feature("units", 150)
+def units(program, rng):
+    for _ in range(rng.randint(3, 7)):
+        if rng.random() < 0.5:
+            program.add(rng.choice(["G20", "G21"]), f"F{rng.choice([10, 100, 333.3])}")
+        program.add(move(rng, source=lambda rng: length(rng.uniform(-9, 9))))
+        if rng.random() < 0.3:
+            program.add(f"G91 {move(rng, 'XY')}", "G90")
+
+
+@feature("units and F in one block", 4)
+def units_and_feed(program, rng):
+    program.scales = False
+    program.add("G20 F20", "G1 X1", "G21 F500 G1 X2")
+
+
+@feature("incremental", 100)
+def distances(program, rng):
+    for _ in range(rng.randint(4, 9)):
+        if rng.random() < 0.4:
+            program.add(rng.choice(["G90", "G91"]))
+        program.add(rng.choice(["", "G91 ", "G90 "]) + move(rng))
+
+
+@feature("G92", 150)
+def g92(program, rng):
+    for _ in range(rng.randint(4, 8)):
+        program.add(rng.choice([
+            move(rng), move(rng), f"G92 {axis_words(rng)}", f"G92 {axis_words(rng)}", "G92.1",
+            "G92.2", "G92.3", f"G91 {move(rng)}", "G90",
+            f"G2 X{length(rng.randint(1, 9))} Y{length(2)} R{length(200)}", "G20\nF20", "G21\nF400"]))
+        program.add(move(rng))
+
+
+@feature("G52", 150)
+def g52(program, rng):
+    for _ in range(rng.randint(4, 8)):
+        program.add(rng.choice([
+            move(rng), f"G52 {axis_words(rng)}", f"G52 {axis_words(rng)}", "G52 X0 Y0 Z0",
+            f"G92 {axis_words(rng)}", "G92.1", "G55", "G54", f"G91 {move(rng)}", "G90"]))
+        if program.lines[-1] in ("G54", "G55"):
+            program.add("G90 G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
+        program.add(move(rng))
+
+
+@feature("work offsets", 150)
+def offsets(program, rng):
+    for _ in range(rng.randint(3, 6)):
+        system = rng.randint(1, 9)
+        program.add(rng.choice([
+            f"G10 L2 P{system} {axis_words(rng)}", f"G10 L20 P{system} {axis_words(rng)}",
+            f"G10 L2 P0 {axis_words(rng)}", f"G10 L20 P0 {axis_words(rng)}"]))
+        program.add(rng.choice(["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2",
+                                "G59.3"]))
+        program.add("G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
+        program.add(rng.choice([f"G92 {axis_words(rng)}", "G92.1", "(no G92)"]))
+        program.add(move(rng), move(rng))
+
+
+@feature("work offsets are read", 40)
+def offsets_read(program, rng):
+    program.scales = False
+    for _ in range(3):
+        program.add(f"G10 L2 P1 X{rng.randint(1, 9)} Y{rng.randint(1, 9)} Z1")
+        program.add("G0 X0 Y0 Z0", "G0 X[#5221 / #5222] Y[#5220 + #5222 / #5223]")
+
+
+@feature("rotated offsets", 80)
+def rotated(program, rng):
+    for _ in range(rng.randint(2, 4)):
+        program.add(f"G10 L2 P1 {axis_words(rng)} R{rng.choice([0, 30, 45, 90, -90, 180, 12.5])}")
+        program.add("G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
+        program.add(move(rng), f"G91 {move(rng)}", "G90")
+        x, y = rng.randint(5, 20), rng.randint(5, 20)
+        program.add(f"G0 X{length(x)} Y{length(y)}",
+                    f"G2 X{length(x + 10)} Y{length(y)} I{length(5)} J{length(0)}")
+
+
+@feature("machine coordinates", 100)
+def machine(program, rng):
+    for _ in range(rng.randint(3, 6)):
+        program.add(rng.choice([
+            f"G53 {move(rng)}", f"G28 {axis_words(rng)}", "G28", f"G30 {axis_words(rng)}", "G30",
+            "G91 G28 Z0", f"G92 {axis_words(rng)}", f"G10 L2 P1 {axis_words(rng)}"]))
+        program.add("G90 G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
+
+
+@feature("stored positions", 60)
+def stored(program, rng):
+    for _ in range(3):
+        program.add("G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
+        program.add(rng.choice(["G28.1", "G30.1"]))
+        program.add(move(rng), rng.choice(["G28", "G30", f"G28 {axis_words(rng)}"]))
+
+
+@feature("tool lengths", 120)
+def tool_lengths(program, rng):
+    program.tools = [(tool, 3.0, 10.0 * tool) for tool in range(1, 10)]
+    program.scales = False
+    for _ in range(rng.randint(3, 6)):
+        tool = rng.randint(1, 9)
+        program.add(rng.choice([
+            f"T{tool} M6 G43", f"T{tool} M6", f"G43 H{tool}", "G43", "G49", f"G43.1 Z{tool}",
+            f"G43.1 X{tool} Z{tool}.5", f"G43.2 H{tool}", f"M61 Q{tool}"]))
+        program.add("G0 " + " ".join(f"{axis}{rng.randint(-30, 30)}" for axis in "XYZ"))
+        program.add(f"G0 X[{rng.choice(['#5400', '#<_current_tool>', '#<_tool_offset>'])}]")
+
+
+@feature("tool table", 60)
+def tool_table(program, rng):
+    program.scales = False
+    for _ in range(3):
+        tool = rng.randint(1, 9)
+        program.add(f"T{tool} M6", "G0 X1 Y2 Z3", rng.choice([
+            f"G10 L1 P{tool} Z{rng.randint(1, 30)}", f"G10 L10 P{tool} Z{rng.randint(1, 30)}",
+            f"G10 L11 P{tool} Z{rng.randint(1, 30)}", f"G10 L1 P{tool} R{rng.randint(1, 5)}"]))
+        program.add("G43", "G0 X5 Y5 Z5")
+
+
+# Motion and feeds
+
+@feature("G93", 120)
+def g93(program, rng):
+    for _ in range(rng.randint(2, 4)):
+        program.add("G93")
+        for _ in range(rng.randint(1, 4)):
+            program.add(f"G1 {axis_words(rng)} F{rng.choice([2, 5, 0.5, 12.5])}")
+        if rng.random() < 0.4:
+            program.add(f"G3 X{mm(rng)} Y{mm(rng)} R{length(300)} F3")
+        if rng.random() < 0.3:
+            program.add(move(rng).replace("G1", "G0").replace("G01", "G0"))
+        program.add("G94", f"F{rng.randint(1, 9)}00", move(rng))
+
+
+@feature("G95", 80)
+def g95(program, rng):
+    program.add(f"S{rng.randint(1, 30)}00 M3")
+    for _ in range(rng.randint(2, 4)):
+        program.add("G95", f"F{length(rng.choice([0.1, 0.25, 0.5]))}")
+        program.add(move(rng), move(rng))
+        if rng.random() < 0.5:
+            program.add(f"S{rng.randint(1, 30)}00", move(rng))
+        program.add("G94", f"F{length(rng.randint(1, 9) * 100)}", move(rng))
+
+
+@feature("G96 and G97", 60)
+def g96(program, rng):
+    program.add(f"G96 D{rng.randint(10, 30)}00 S{rng.randint(50, 200)}", "M3", move(rng), move(rng),
+                f"G97 S{rng.randint(5, 20)}00", move(rng), "M5")
+    program.scales = False
+
+
+@feature("feeds", 80)
+def feeds(program, rng):
+    for _ in range(rng.randint(5, 9)):
+        program.add(rng.choice([
+            f"F{rng.randint(1, 3000)}", f"G1 {axis_words(rng)} F{rng.randint(1, 3000)}.5",
+            f"F{rng.randint(1, 9)} {axis_words(rng)} G1", "G0 X0 F77", move(rng)]))
+
+
+def arc_words(rng, plane, start, by_radius, turns=0, helix=False, absolute=False):
+    """An arc from `start` whose ends are equally far from its centre, up to 1e-9."""
+    axes = PLANES[plane]
+    radius, begin = rng.uniform(3.0, 30.0), rng.uniform(0.0, 2.0 * math.pi)
+    sweep = rng.uniform(0.2, 6.0)
+    center = (start[0] - radius * math.cos(begin), start[1] - radius * math.sin(begin))
+    clockwise = rng.random() < 0.5
+    angle = begin - sweep if clockwise else begin + sweep
+    end = (center[0] + radius * math.cos(angle), center[1] + radius * math.sin(angle))
+    full = not by_radius and rng.random() < 0.2
+    if full:
+        end = start
+    words = ["G2" if clockwise else "G3"]
+    if not full or rng.random() < 0.5:
+        words += [f"{axis}{length(value, 9)}" for axis, value in zip(axes, end)]
+    if helix:
+        words.append(f"{axes[2]}{mm(rng)}")
+    if by_radius:
+        words.append(f"R{length(radius if sweep <= math.pi else -radius, 9)}")
+    else:
+        letters = {"X": "I", "Y": "J", "Z": "K"}
+        for axis, value, at in zip(axes, center, start):
+            words.append(f"{letters[axis]}{length(value if absolute else value - at, 9)}")
+    if turns:
+        words.append(f"P{turns}")
+    return " ".join(words), tuple(round(value, 9) for value in end)
+
+
+def arcs(plane, by_radius, turns=False, absolute=False):
+    def generator(program, rng):
+        program.add(plane, "G90.1" if absolute else "G91.1")
+        axes = PLANES[plane]
+        at = (round(rng.uniform(-20, 20), 3), round(rng.uniform(-20, 20), 3))
+        program.add("G0 " + " ".join(f"{axis}{length(it, 9)}" for axis, it in zip(axes, at)))
+        for _ in range(rng.randint(2, 5)):
+            text, at = arc_words(rng, plane, at, by_radius,
+                                 rng.randint(1, 4) if turns and rng.random() < 0.7 else 0,
+                                 rng.random() < 0.3, absolute)
+            program.add(text)
+    return generator
+
+
+for _plane in PLANES:
+    feature(f"arcs by radius {_plane}", 80)(arcs(_plane, True))
+    feature(f"arcs by centre {_plane}", 80)(arcs(_plane, False))
+    feature(f"arcs with turns {_plane}", 60)(arcs(_plane, False, turns=True))
+    feature(f"arcs G90.1 {_plane}", 40)(arcs(_plane, False, absolute=True))
+
+
+@feature("arcs with one axis", 80)
+def short_arcs(program, rng):
+    """Axes and centre words that are left out."""
+    program.add("G0 X{L10} Y{L0} Z{L0}")
+    program.add(rng.choice(["G2 I{L-10}", "G3 J{L10}", "G2 X{L20} I{L5}", "G3 Y{L20} J{L10}",
+                            "G2 X{L0} I{L-5}", "G3 I{L-10} Z{L-2} P2", "G2 Z{L-3} I{L5}",
+                            "G91 G2 X{L10} R{L5}", "G91 G3 Y{L6} J{L3}", "G18 G2 X{L20} I{L5}",
+                            "G18 G3 K{L4}", "G19 G2 Z{L8} K{L4}", "G19 G3 J{L5} K{L0} P3"]))
+    program.add("G90 G17 G1 X{L1} Y{L1}")
+
+
+@feature("rounded arcs", 80)
+def rounded(program, rng):
+    """Ends with three decimals, as they are posted."""
+    program.scales = False
+    for _ in range(3):
+        plane = rng.choice(list(PLANES))
+        at = (round(rng.uniform(-20, 20), 3), round(rng.uniform(-20, 20), 3))
+        axes = PLANES[plane]
+        text, _ = arc_words(rng, plane, at, rng.random() < 0.3)
+        import re
+        text = re.sub(r"\{L([-\d.]+)\}", lambda it: f"{{L{round(float(it[1]), 3):g}}}", text)
+        program.add(plane, "G0 " + " ".join(f"{axis}{length(it)}" for axis, it in zip(axes, at)))
+        program.add(text)
+
+
+@feature("polar", 60)
+def polar(program, rng):
+    program.add("G0 X{L1} Y{L2}")
+    for _ in range(5):
+        program.add(rng.choice([
+            f"G1 @{length(rng.randint(1, 30))} ^{rng.randint(-180, 180)}",
+            f"G0 ^{rng.randint(0, 360)}", f"G1 @{length(rng.randint(1, 30))}",
+            f"G91 G1 @{length(rng.randint(1, 9))} ^{rng.randint(0, 90)}", "G90"]))
+
+
+@feature("lathe diameters", 60)
+def diameters(program, rng):
+    program.add("G18", rng.choice(["G7", "G8"]))
+    for _ in range(4):
+        program.add(move(rng, "XZ"), rng.choice(["G7", "G8", f"G91 G1 X{mm(rng)}", "G90"]))
+    program.add("G8")
+
+
+@feature("splines", 40)
+def splines(program, rng):
+    program.scales = False
+    program.add("G0 X0 Y0", rng.choice([
+        "G5 I0 J3 P0 Q-3 X1 Y1", "G5.1 X4 Y4 I2 J1", "G5.2 P1 L3 X0 Y1\nX2 Y2 P1\nX4 Y0 P1\nG5.3"]),
+        "G1 X10 Y10")
+
+
+@feature("threads", 40)
+def threads(program, rng):
+    program.scales = False
+    program.add("S500 M3", "G0 X10 Z5", rng.choice([
+        "G33 Z-10 K1.5", "G33.1 Z-10 K1", "G33 X20 Z-10 K2",
+        "G18\nG76 P1 Z-20 I-1 J0.3 K2 R1.5 Q29.5 H2 E0.5 L2"]), "G0 Z5")
+
+
+@feature("probes", 30)
+def probes(program, rng):
+    program.scales = False
+    program.add("G0 X0 Y0 Z10", f"G38.{rng.randint(2, 5)} Z-5 F50", "G0 Z10", "G0 X5")
+
+
+@feature("rotary axes", 60)
+def rotary(program, rng):
+    for _ in range(4):
+        program.add(f"G{rng.randint(0, 1)} X{mm(rng)} A{rng.randint(0, 360)}"
+                    + (f" B{rng.randint(0, 90)} C{rng.randint(0, 90)}" if rng.random() < 0.4 else ""))
+
+
+# Machine functions
+
+@feature("spindle and coolant", 150)
+def functions_of_machine(program, rng):
+    for _ in range(rng.randint(5, 12)):
+        program.add(rng.choice([
+            f"S{rng.randint(1, 240)}00", "M3", "M4", "M5", "M7", "M8", "M9", "M3 S500", "M8 M3",
+            f"M3 S{rng.randint(1, 99)}0 {move(rng)}", f"M5 {move(rng)}", f"M9 M5 {move(rng)}",
+            move(rng), move(rng)]))
+
+
+@feature("tools", 120)
+def tools(program, rng):
+    for _ in range(rng.randint(4, 8)):
+        tool = rng.randint(1, 9)
+        program.add(rng.choice([
+            f"T{tool}", f"T{tool} M6", f"M6 T{tool}", f"T{tool}\nM6", "T0 M6", move(rng), "M3 S100",
+            f"G0 {axis_words(rng)} T{tool} M6"]))
+        program.add(move(rng))
+
+
+@feature("dwells and stops", 120)
+def stops(program, rng):
+    for _ in range(rng.randint(4, 8)):
+        program.add(rng.choice([
+            f"G4 P{rng.choice(['0', '0.5', '1', '2.25'])}", "M0", "M1", "M60", move(rng),
+            f"M0 {move(rng)}", "G4 P[1 / 4]", f"M1 {move(rng)}"]))
+        program.add(move(rng))
+
+
+@feature("program ends", 40)
+def ends(program, rng):
+    program.add(move(rng), move(rng))
+    return rng.choice([["M2"], ["M30"], ["M2", "G0 X5"], ["M30", "o nonsense"], [], ["%"],
+                       ["M30", "%"], ["G0 X1 M30"], ["M5 M9", "G0 Z{L5}", "M30"]])
+
+
+@feature("percent signs", 30)
+def percent(program, rng):
+    program.lines.insert(0, "%")
+    if rng.random() < 0.3:
+        program.lines.insert(0, rng.choice(["", "(before)"]))
+    program.add(move(rng))
+    return rng.choice([["%"], ["M2", "%"], ["M30", "%", "G0 X9"], ["%", "words"]])
+
+
+@feature("comments", 80)
+def comments(program, rng):
+    for _ in range(8):
+        program.add(rng.choice([
+            "(a comment)", "; another", f"{move(rng)} (beside)", f"(before) {move(rng)}",
+            f"{move(rng)} ; (both)", "()", "(MSG, hello)", "(msg,hello)", "(PRINT, #1)",
+            "(DEBUG, #1 and #<_x>)", "(LOG, nothing)", "(LOGOPEN,log.txt)", "(LOGCLOSE)",
+            "(AXIS,hide)", "  ", "(ümläut)", "; (open", "(%.3f#1)", f"G1 (in) X{mm(rng)}"]))
+        program.add(move(rng))
+
+
+@feature("path modes", 60)
+def path_modes(program, rng):
+    for _ in range(5):
+        program.add(rng.choice(["G61", "G61.1", "G64", "G64 P0.05", "G64 P0.1 Q0.05",
+                                f"G64 {move(rng)}", f"G61 {move(rng)}"]), move(rng))
+
+
+@feature("outputs and overrides", 60)
+def outputs(program, rng):
+    for _ in range(5):
+        program.add(rng.choice([
+            "M48", "M49", "M50 P0", "M51 P1", "M52 P1", "M53 P0", "M62 P1", "M63 P1", "M64 P2",
+            "M65 P2", "M66 P0 L0", "M66 E0 L0", "M67 E1 Q0.5", "M68 E1 Q2.5", "M19 R45"]), move(rng))
+
+
+@feature("saved state", 80)
+def saved(program, rng):
+    def change():
+        return rng.choice(["G91", "G20", "G18", "F50", "S700", "G61", "G55", "G99", "M8", "M3 S1000"])
+    begin, end = rng.choice([("M73", ""), ("M70", "M72"), ("M70", "M71"), ("", ""), ("M70", "")])
+    program.add("o100 sub", f"  {begin}", f"  {change()}", f"  {change()}", f"  {move(rng)}",
+                f"  {end}", "o100 endsub", f"{change()}", "o100 call", move(rng), move(rng))
+    if rng.random() < 0.4:
+        program.add("M70", change(), change(), move(rng), "M72", move(rng))
+
+
+@feature("modal groups", 120)
+def modal(program, rng):
+    """Words in any order, several in a block."""
+    for _ in range(8):
+        words = rng.sample(["G90", "G17", "G94", "G40", "G49", "G80", "G64", "G54", "M9", "M5",
+                            "S500", "F200", "G98", "G91.1"], rng.randint(1, 6))
+        if "G80" not in words:
+            words += ["G0"] + axis_words(rng).split()
+        rng.shuffle(words)
+        program.add(rng.choice([" ", ""]).join(words) if all("#" not in it for it in words)
+                    else " ".join(words))
+        # LinuxCNC forgets F at G94.
+        program.add(f"F{rng.randint(1, 9)}00", move(rng), axis_words(rng))

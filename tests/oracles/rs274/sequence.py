@@ -1,0 +1,179 @@
+"""What a program does, in order: moves and events, and the state of the machine at each."""
+
+import math
+from dataclasses import dataclass, field
+
+# Positions are printed in other places than they are calculated; the last bits differ.
+SAME_MM = 1.1e-6
+
+
+@dataclass
+class State:
+    """What lasts. `None`: not said yet."""
+    spindle: str = "M5"
+    speed: float = 0.0
+    mist: bool = False
+    flood: bool = False
+    selected: int = None
+    system: int = 1
+
+    def differs(self, other):
+        for name in ("spindle", "mist", "flood", "selected", "system"):
+            one, two = getattr(self, name), getattr(other, name)
+            if one != two and None not in (one, two):
+                return f"{name} {one} and {two}"
+        if abs(self.speed - other.speed) > 1e-4 + 1e-9 * abs(self.speed):
+            return f"S{self.speed:.4f} and S{other.speed:.4f}"
+        return None
+
+
+@dataclass
+class Move:
+    """`kind`: rapid, line, arc, curve, probe or tap. Millimetres."""
+    kind: str
+    start: tuple
+    end: tuple
+    state: State
+    # Where the source says it: a line of the program or of the output.
+    where: str
+    feed: float = None
+    plane: str = None
+    center: tuple = None
+    # Turns with their direction: 1 for an arc and a full circle counterclockwise.
+    rotation: int = 0
+    # By how much printed numbers may be off.
+    allowed_mm: float = SAME_MM
+    allowed_feed: float = 0.0
+    # For moves in machine coordinates: the axes that are named, and the end in the machine.
+    axes: str = ""
+    machine_end: tuple = None
+    # A, B and C, in degrees.
+    rotary: tuple = (0.0, 0.0, 0.0)
+    turned: bool = False
+    # Axes whose place Kerf does not know, since a move in machine coordinates.
+    unknown: str = ""
+
+    @property
+    def is_empty(self):
+        return (self.kind in ("rapid", "line") and not self.turned
+                and math.dist(self.start, self.end) <= 2.0 * self.allowed_mm)
+
+    def __str__(self):
+        words = [self.kind, " ".join(f"{axis}{it:.5f}" for axis, it in zip("XYZ", self.end))]
+        if self.center:
+            words.append(f"{self.plane} about {self.center[0]:.5f} {self.center[1]:.5f} "
+                         f"turns {self.rotation}")
+        if self.machine_end:
+            words.append(f"in the machine, {self.axes}")
+        if self.feed is not None:
+            words.append(f"F{self.feed:.4f}")
+        return " ".join(words) + f" ({self.where})"
+
+
+@dataclass
+class Event:
+    """`kind`: dwell, stop, optional stop, tool, end, message or output."""
+    kind: str
+    state: State
+    where: str
+    value: object = None
+
+    @property
+    def is_empty(self):
+        return self.kind == "dwell" and self.value == 0.0
+
+    def __str__(self):
+        return f"{self.kind} {self.value if self.value is not None else ''} ({self.where})"
+
+
+@dataclass
+class Answer:
+    """What an interpreter says of a program."""
+    takes: bool
+    words: str = ""
+    items: list = field(default_factory=list)
+    codes: frozenset = frozenset()
+    # Words of Kerf's events that are not compared.
+    unknown: frozenset = frozenset()
+    # Whether a tool radius is compensated: the paths are then compared in space.
+    is_compensated: bool = False
+
+
+def difference(linuxcnc, kerf):
+    """None, or what the first difference is. Empty moves may be left out by either."""
+    one, other, i, j = linuxcnc.items, kerf.items, 0, 0
+    while i < len(one) or j < len(other):
+        a = one[i] if i < len(one) else None
+        b = other[j] if j < len(other) else None
+        words = "only Kerf has it" if a is None else "only LinuxCNC has it"
+        if a is not None and b is not None:
+            words = apart(a, b)
+            if words is None:
+                i, j = i + 1, j + 1
+                continue
+            # A curve is lines and arcs in Kerf, up to where the next element agrees again.
+            if isinstance(a, Move) and a.kind == "curve":
+                after = one[i + 1] if i + 1 < len(one) else None
+                if after is not None and apart(after, b) is None:
+                    i += 1
+                else:
+                    j += 1
+                continue
+        if a is not None and a.is_empty:
+            i += 1
+        elif b is not None and (b.is_empty or is_reached(one, i, b)):
+            j += 1
+        else:
+            return f"{words}: LinuxCNC {a}; Kerf {b}"
+    return None
+
+
+def is_reached(items, index, move):
+    """Whether LinuxCNC is already where Kerf goes in machine coordinates."""
+    before = next((it for it in reversed(items[:index]) if isinstance(it, Move)), None)
+    at = before.machine_end if before else (0.0, 0.0, 0.0)
+    return (isinstance(move, Move) and move.axes and move.machine_end is not None
+            and all(abs(at["XYZ".index(axis)] - move.machine_end["XYZ".index(axis)]) < 1e-3
+                    for axis in move.axes))
+
+
+def apart(a, b):
+    """None, or in what an item of LinuxCNC and one of Kerf differ."""
+    if type(a) is not type(b) or a.kind != b.kind:
+        return "not of one kind"
+    if not (isinstance(a, Event) and a.kind == "end"):
+        words = a.state.differs(b.state)
+        if words:
+            return words
+    if isinstance(a, Event):
+        if a.kind == "dwell":
+            return None if abs(a.value - b.value) <= 0.6e-4 else "another time"
+        if a.kind == "message":
+            return None if a.value.strip() == b.value.strip() else "another text"
+        return None if a.value == b.value else "another one"
+    if b.axes:
+        if b.machine_end is None and a.is_empty:
+            return "the way to a stored position"
+        for axis in b.axes if b.machine_end else "":
+            n = "XYZ".index(axis)
+            if abs(a.machine_end[n] - b.machine_end[n]) > 2.0 * a.allowed_mm:
+                return f"{axis} is another one"
+    else:
+        for axis, x, y in zip("XYZ", a.end, b.end):
+            if axis not in b.unknown and not abs(x - y) <= a.allowed_mm + 1e-12 * abs(x):
+                return f"{axis} is {y - x:.6f} mm aside"
+    if a.kind == "arc":
+        if a.plane != b.plane:
+            return "in another plane"
+        if a.rotation != b.rotation:
+            return "other turns"
+        for x, y in zip(a.center, b.center):
+            if not abs(x - y) <= a.allowed_mm + 1e-12 * abs(x):
+                return f"the centre is {y - x:.6f} mm aside"
+    if a.feed is not None and b.feed is not None:
+        if not abs(a.feed - b.feed) <= a.allowed_feed + 1e-9 * abs(a.feed) + 1e-6:
+            return "another feed"
+    if b.rotary is not None and a.rotary is not None:
+        if any(abs(x - y) > 1e-4 for x, y in zip(a.rotary, b.rotary)):
+            return f"turned to {b.rotary}, not {a.rotary}"
+    return None
