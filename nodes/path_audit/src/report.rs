@@ -14,8 +14,9 @@ const FINDINGS_MAX: usize = 100;
 #[derive(Debug)]
 pub(crate) struct Report<'a> {
     pub profile: &'a Profile,
-    /// What the planner has reported already.
+    /// What the planner has reported already, and where: each line with the index of a finding.
     said: &'a [Finding],
+    said_at: Vec<(u32, u32)>,
     /// The lines of contours that the tool does not fit and that the control still runs.
     pub misfits: Vec<RangeInclusive<u32>>,
     pub findings: Vec<Finding>,
@@ -27,14 +28,31 @@ pub(crate) struct Report<'a> {
 impl<'a> Report<'a> {
     pub(crate) fn new(profile: &'a Profile, said: &'a [Finding]) -> Self {
         let (misfits, findings) = (Vec::new(), Vec::new());
-        Self { profile, said, misfits, findings, errors: 0, is_cut_off: false }
+        let at = |(index, said): (u32, &Finding)| lines_of(said).map(move |line| (line, index));
+        let mut said_at: Vec<(u32, u32)> = (0..).zip(said).flat_map(at).collect();
+        said_at.sort_unstable();
+        Self { profile, said, said_at, misfits, findings, errors: 0, is_cut_off: false }
+    }
+
+    /// What the planner has reported about a line. Programs may have a finding in each of a hundred
+    /// thousand contours.
+    fn said_of(&self, line: u32) -> impl Iterator<Item = &'a Finding> + '_ {
+        let from = self.said_at.partition_point(|(at, _)| *at < line);
+        let here = self.said_at[from..].iter().take_while(move |(at, _)| *at == line);
+        here.map(|(_, index)| &self.said[*index as usize])
+    }
+
+    /// Whether the tool does not fit a contour at this line, and the control still runs it.
+    fn is_misfit(&self, line: u32) -> bool {
+        self.misfits.iter().any(|lines| lines.contains(&line))
     }
 
     /// Errors and warnings are counted apart, so that no number of warnings hides an error.
     pub(crate) fn push(&mut self, finding: Finding) {
         let (is_error, warnings) = (finding.is_error(), self.findings.len() - self.errors);
         let is_full = if is_error { self.is_cut_off } else { warnings >= FINDINGS_MAX };
-        if is_full || self.said.iter().any(|said| is_same(said, &finding)) {
+        let mut lines = lines_of(&finding);
+        if is_full || lines.any(|line| self.said_of(line).any(|said| is_same(said, &finding))) {
             return;
         }
         self.errors += usize::from(is_error);
@@ -52,7 +70,7 @@ impl<'a> Report<'a> {
 
     /// A finding about the distance of the path from its contour, and about nothing else.
     pub(crate) fn push_shape(&mut self, mut finding: Finding) {
-        if self.misfits.iter().any(|lines| lines.contains(&finding.source.line)) {
+        if self.is_misfit(finding.source.line) {
             finding.severity = Severity::Warning;
             finding.help = HELP_OF_MISFIT.into();
         }
@@ -69,7 +87,7 @@ impl<'a> Report<'a> {
             line.min(other.unwrap_or(line))..=line.max(other.unwrap_or(line))
         };
         let mut lost = self.said.iter().filter(is_of).map(lines);
-        let is_run = self.misfits.iter().any(|lines| lines.contains(&finding.source.line));
+        let is_run = self.is_misfit(finding.source.line);
         if cut.code == Code::Gouge && is_run && lost.any(|lines| lines.contains(&cut.into.line)) {
             finding.severity = Severity::Warning;
         }
@@ -79,7 +97,7 @@ impl<'a> Report<'a> {
     /// Whether the planner has warned that a lead skips this block and that at least as much of it
     /// stays as the audit finds, mm.
     pub(crate) fn is_known_uncut(&self, source: Source, off_mm: f64) -> bool {
-        self.said.iter().any(|said| {
+        self.said_of(source.line).any(|said| {
             let line = said.other.map_or(said.source.line, |other| other.line);
             said.code == Code::Uncut
                 && line == source.line
@@ -90,6 +108,11 @@ impl<'a> Report<'a> {
     pub(crate) fn is_full(&self) -> bool {
         self.is_cut_off
     }
+}
+
+/// The lines of a finding: its own, and that of the other block.
+fn lines_of(of: &Finding) -> impl Iterator<Item = u32> + use<> {
+    [Some(of.source.line), of.other.map(|other| other.line)].into_iter().flatten()
 }
 
 /// Whether a finding has been reported already. A path may have more faults than it was warned of.
@@ -372,4 +395,29 @@ fn place(plane: Plane, position: Position) -> String {
 fn all_axes(position: Position) -> String {
     let [x, y, z] = position;
     format!("X{x:.4} Y{y:.4} Z{z:.4}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_was_said_of_its_own_lines_is_compared_with_a_finding() {
+        let at = |line: u32| Source { line, ..Source::default() };
+        let said = |line: u32| {
+            let mut nick = Finding::warning(Code::LeadNick, at(2 * line), "");
+            nick.other = Some(at(2 * line + 1));
+            nick
+        };
+        let said: Vec<Finding> = (1..10_000).map(said).collect();
+        let profile = settings::load_profile("rs274").expect("a profile");
+        let mut report = Report::new(&profile, &said);
+        for line in [0, 1, 2, 3, 5_001, 19_999, 20_000] {
+            let expected = usize::from((2..20_000).contains(&line));
+            assert_eq!(report.said_of(line).count(), expected, "{line}");
+            report.push(Finding::warning(Code::LeadNick, at(line), ""));
+        }
+        let new: Vec<u32> = report.findings.iter().map(|finding| finding.source.line).collect();
+        assert_eq!(new, [0, 1, 20_000]);
+    }
 }

@@ -10,7 +10,7 @@ use crate::geometry::chains::NO_CHAIN;
 use crate::geometry::distance::{Nearest, are_apart, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
-use crate::geometry::tree::{Tree, boxes_of, budget};
+use crate::geometry::tree::{FLAT_MAX, Tree, budget};
 use crate::span::chain::{ChainLink, Placed, Role};
 use crate::span::corner::{Corners, PIECES};
 use std::ops::ControlFlow;
@@ -121,29 +121,32 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     }
     let Joined { links, placed, .. } = *joined;
     let paths = paths(walls, joined, slack);
-    let element = |path: &ToolMove| path.element(joined);
+    // Elements of long contours are computed when they are needed.
+    let kept: Vec<Option<Element>> = match paths.len() <= FLAT_MAX {
+        true => paths.iter().map(|path| path.element(joined)).collect(),
+        false => Vec::new(),
+    };
+    let element = |path: usize| match kept.get(path) {
+        Some(element) => *element,
+        None => paths[path].element(joined),
+    };
     let reach = links.iter().map(|link| link.d_in_mm.abs().max(link.d_out_mm.abs()));
     let reach = reach.fold(0.0, f64::max);
-    let elements = paths.iter().map(|path| (element(path), path.chain));
+    let elements = (0..paths.len()).map(|path| (element(path), paths[path].chain));
     let tree = Tree::of_elements(elements, walls.tree().widest_mm.max(BOX_REACHES * reach));
     let mut found = FoundCuts::default();
-    let is_complete = tree.near_pairs(walls.tree(), reach, &mut budget(paths.len()), |on, into| {
-        let wall_boxes = boxes_of(into.clone().map(|run| walls.element(run)));
-        for index in on {
-            let Some(path) = element(&paths[index]) else { continue };
-            let path_box = Bounds::of(&path);
-            let link = &links[placed[paths[index].place].link];
-            let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
-            let limit = radius_mm - paths[index].slack;
-            // Most pairs are far enough apart by their boxes alone.
-            let is_near = |wall: &Bounds| path_box.gap_squared(wall) < limit * limit;
-            for (run, _) in into.clone().zip(&wall_boxes).filter(|(_, wall)| is_near(wall)) {
-                if let Some(cut) = cut(walls, &paths[index], &path, radius_mm, link, run) {
-                    found.push(paths[index].place, cut)?;
-                }
-            }
+    let boxes = (
+        |path: usize| element(path).map_or(Bounds::EMPTY, |path| Bounds::of(&path)),
+        |run: usize| Bounds::of(walls.element(run)),
+    );
+    let budget = &mut budget(paths.len());
+    let is_complete = tree.near_pairs(walls.tree(), reach, budget, boxes, |on, run| {
+        let link = &links[placed[paths[on].place].link];
+        let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
+        match cut(walls, &paths[on], || element(on), radius_mm, link, run) {
+            Some(cut) => found.push(paths[on].place, cut),
+            None => ControlFlow::Continue(()),
         }
-        ControlFlow::Continue(())
     });
     (found.cuts, is_complete)
 }
@@ -207,11 +210,10 @@ fn paths(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Ve
             run_before = Some(run);
         }
         let path = ToolMove { place, piece: None, run, chain, slack };
-        match corners.lines(links, placed, place).filter(|_| is_corner) {
-            None => paths.push(path),
-            Some(_) => {
-                paths.extend((0..PIECES).map(|piece| ToolMove { piece: Some(piece), ..path }))
-            }
+        if is_corner && corners.lines(links, placed, place).is_some() {
+            paths.extend((0..PIECES).map(|piece| ToolMove { piece: Some(piece), ..path }));
+        } else {
+            paths.push(path);
         }
     }
     paths
@@ -221,7 +223,7 @@ fn paths(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Ve
 fn cut(
     walls: &Walls<'_>,
     on: &ToolMove,
-    path: &Element,
+    path: impl Fn() -> Option<Element>,
     radius_mm: f64,
     link: &ChainLink,
     into: usize,
@@ -234,7 +236,11 @@ fn cut(
     let limit = radius_mm - on.slack;
     let whole = walls.element(into);
     // Cheap tests first.
-    if (into == on.run && whole.is_line()) || are_apart(path, whole, limit) {
+    if into == on.run && whole.is_line() {
+        return None;
+    }
+    let path = &path()?;
+    if are_apart(path, whole, limit) {
         return None;
     }
     let mut near = nearest_between(path, whole);

@@ -6,10 +6,10 @@
 use crate::check::retraced_runs::RetracedRuns;
 use crate::geometry::bounds::Bounds;
 use crate::geometry::distance::{are_apart, is_near};
-use crate::geometry::element::{Element, Vec2, cross};
+use crate::geometry::element::{Arc, Element, Line, Vec2, cross};
 use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
-use crate::geometry::tree::{Tree, boxes_of, budget};
+use crate::geometry::tree::{Tree, budget};
 use crate::span::Run;
 use std::ops::ControlFlow;
 
@@ -119,24 +119,15 @@ fn places(
         }
     }
     let most = most.0 * runs.len() + most.1;
-    let is_complete = tree.near_pairs(tree, LENGTH_MM, &mut budget(runs.len()), |early, late| {
-        if early.start > late.start {
-            return ControlFlow::Continue(());
-        }
-        let early_boxes = boxes_of(runs[early.clone()].iter().map(|run| &run.element));
-        for late in late.filter(|late| counts(*late)) {
-            let late_box = Bounds::of(&runs[late].element);
-            let before = (early.start..early.end.min(late)).zip(&early_boxes);
-            for (early, early_box) in before.filter(|(early, _)| counts(*early)) {
-                if early_box.gap_squared(&late_box) <= LENGTH_MM * LENGTH_MM {
-                    let joint =
-                        (skips_joints && early + 1 == late).then(|| runs[early].element.end());
-                    meet(runs, (early, late), joint, &mut found);
-                }
+    let bounds = |run: usize| Bounds::of(&runs[run].element);
+    let is_complete =
+        tree.near_itself(LENGTH_MM, &mut budget(runs.len()), bounds, |early, late| {
+            if counts(early) && counts(late) {
+                let joint = (skips_joints && early + 1 == late).then(|| runs[early].element.end());
+                meet(runs, (early, late), joint, &mut found);
             }
-        }
-        if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-    });
+            if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        });
     (is_complete && found.len() < most).then_some(found)
 }
 
@@ -147,7 +138,7 @@ fn meet(
     found: &mut Vec<SelfMeeting>,
 ) {
     let (a, b) = (&runs[early].element, &runs[late].element);
-    if are_apart(a, b, 2.0 * LENGTH_MM) {
+    if joint.is_some_and(|joint| is_bend(a, b, joint)) || are_apart(a, b, 2.0 * LENGTH_MM) {
         return;
     }
     let mut add = |point: Vec2, is_end_of_late: bool| {
@@ -177,6 +168,39 @@ fn meet(
     }
 }
 
+/// Whether two elements part so clearly at their joint that they meet nowhere else.
+fn is_bend(a: &Element, b: &Element, joint: Vec2) -> bool {
+    const BEND: f64 = 1e-2;
+    /// Beyond this, mm, rounding moves the crossing of the lines away from the joint.
+    const FAR_MM: f64 = 1e6;
+    if joint.amax() >= FAR_MM || (b.start() - joint).amax() >= 0.1 * LENGTH_MM {
+        return false;
+    }
+    let goes_on = a.end_tangent().dot(&b.start_tangent()) > 0.0;
+    let (a, b) = match (a, b) {
+        (Element::Line(a), Element::Line(b)) => (a, b),
+        _ if !goes_on => return false,
+        (Element::Line(line), Element::Arc(arc)) => return leaves(line, line.start, arc, b.end()),
+        (Element::Arc(arc), Element::Line(line)) => return leaves(line, b.end(), arc, a.start()),
+        (Element::Arc(_), Element::Arc(_)) => return false,
+    };
+    let sine = cross(a.tangent, b.tangent).abs();
+    sine > BEND && a.length.min(b.length) * sine > 4.0 * LENGTH_MM
+}
+
+/// Whether an arc of less than half a turn leaves its tangent at the joint for good: the other ends
+/// of both are off the other one.
+fn leaves(line: &Line, end_of_line: Vec2, arc: &Arc, end_of_arc: Vec2) -> bool {
+    let center_off = cross(line.tangent, arc.center - line.start).abs();
+    let is_tangent = (center_off - arc.radius).abs() < 1e-3 * arc.radius;
+    let off_line = cross(line.tangent, end_of_arc - line.start).abs();
+    let off_circle = ((end_of_line - arc.center).norm() - arc.radius).abs();
+    is_tangent && arc.sweep < 3.0 && off_line.min(off_circle) > 4.0 * LENGTH_MM
+}
+
+/// For so short a loop the sums from the start of the contour have too few digits.
+const FEW_BETWEEN: usize = 64;
+
 /// Running areas and lengths along a contour, to measure its loops.
 struct Areas<'a> {
     runs: &'a [Run],
@@ -188,6 +212,9 @@ struct Areas<'a> {
 impl<'a> Areas<'a> {
     fn of(runs: &'a [Run]) -> Self {
         let origin = runs.first().map_or(Vec2::zeros(), |run| run.element.start());
+        if runs.len() <= FEW_BETWEEN {
+            return Self { runs, before: Vec::new(), origin };
+        }
         let mut sum = (0.0, 0.0);
         let before = runs.iter().map(|run| {
             let before = sum;
@@ -206,9 +233,7 @@ impl<'a> Areas<'a> {
         let begin = self.runs[early.run].element.after(early.along);
         let end = self.runs[late.run].element.before(late.along);
         let between = early.run + 1..late.run;
-        // For a short loop the sums from the start of the contour have too few digits.
-        const FEW: usize = 64;
-        let (origin, mut area, mut length) = if between.len() <= FEW {
+        let (origin, mut area, mut length) = if between.len() <= FEW_BETWEEN {
             let origin = self.runs[early.run].element.end();
             let runs = self.runs[between].iter().map(|run| &run.element);
             let area = runs.clone().map(|element| swept_area(element, origin)).sum();

@@ -251,14 +251,11 @@ fn all_crossings(paths: &[Option<Element>], joints: Vec<Crossing>) -> Vec<Crossi
     let tree = Tree::new(paths.iter().map(|path| (bounds(path), NO_CHAIN)));
     let mut found = joints;
     let most = CROSSINGS_MAX.0 * paths.len() + CROSSINGS_MAX.1;
-    tree.near_pairs(&tree, LENGTH_MM, &mut budget(paths.len()), |early, late| {
-        for late in late {
-            for early in early.start..early.end.min(late) {
-                if let (Some(a), Some(b)) = (&paths[early], &paths[late]) {
-                    let joint = (early + 1 == late).then(|| a.end());
-                    cross(early, late, (a, b), joint, &mut found);
-                }
-            }
+    let bounds = |path: usize| bounds(&paths[path]);
+    tree.near_itself(LENGTH_MM, &mut budget(paths.len()), bounds, |early, late| {
+        if let (Some(a), Some(b)) = (&paths[early], &paths[late]) {
+            let joint = (early + 1 == late).then(|| a.end());
+            cross(early, late, (a, b), joint, &mut found);
         }
         if found.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
@@ -277,9 +274,6 @@ fn cross(
     joint: Option<Vec2>,
     found: &mut Vec<Crossing>,
 ) {
-    if Bounds::of(a).gap_squared(&Bounds::of(b)) > LENGTH_MM * LENGTH_MM {
-        return;
-    }
     for &point in crossings(a, b, 0.0).points() {
         if joint.is_some_and(|joint| (joint - point).norm() <= LENGTH_MM)
             || !is_on(a, point)

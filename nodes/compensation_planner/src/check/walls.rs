@@ -11,7 +11,7 @@ use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::{Chains, NO_CHAIN};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, MERGE_MM};
-use crate::geometry::tree::Tree;
+use crate::geometry::tree::{FLAT_MAX, Tree};
 use crate::span::Run;
 use crate::span::chain::{ChainLink, Placed, Role};
 use cnc_msgs::finding::Severity;
@@ -91,7 +91,7 @@ impl<'a> Walls<'a> {
         if judges_all {
             is_judged.fill(true);
         }
-        let widest_mm = widest_box(runs);
+        let widest_mm = if runs.len() > FLAT_MAX { widest_box(runs) } else { f64::INFINITY };
         let tree = tree_of(runs, &chains, widest_mm, |_| true);
         let mut copies = None;
         let found = meetings(runs, &tree).or_else(|| {

@@ -44,6 +44,18 @@ impl Bounds {
         Self { low: self.low.inf(&other.low), high: self.high.sup(&other.high) }
     }
 
+    /// With a point more.
+    #[must_use]
+    pub(crate) fn with(self, point: Vec2) -> Self {
+        Self { low: self.low.inf(&point), high: self.high.sup(&point) }
+    }
+
+    /// Wider on each side, mm.
+    #[must_use]
+    pub(crate) fn wider(self, by: f64) -> Self {
+        Self { low: self.low.add_scalar(-by), high: self.high.add_scalar(by) }
+    }
+
     /// The lesser of its extents, mm.
     pub(crate) fn width(&self) -> f64 {
         (self.high - self.low).min()
@@ -57,8 +69,10 @@ impl Bounds {
     /// The square of the distance between two boxes, mm²; 0 when they overlap.
     #[inline]
     pub(crate) fn gap_squared(&self, other: &Self) -> f64 {
-        let x = (self.low.x - other.high.x).max(other.low.x - self.high.x).max(0.0);
-        let y = (self.low.y - other.high.y).max(other.low.y - self.high.y).max(0.0);
+        // One instruction, where `f64::max` also looks for NaN.
+        let most = |a: f64, b: f64| if a > b { a } else { b };
+        let x = most(most(self.low.x - other.high.x, other.low.x - self.high.x), 0.0);
+        let y = most(most(self.low.y - other.high.y, other.low.y - self.high.y), 0.0);
         x * x + y * y
     }
 }

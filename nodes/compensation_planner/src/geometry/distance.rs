@@ -54,11 +54,29 @@ pub(crate) fn nearest_between(path: &Element, wall: &Element) -> Nearest {
     best
 }
 
-/// Whether two elements are certainly farther apart than this, mm: both are lines, and one is
-/// beside the other. Settles most pairs of long lines whose boxes overlap.
+/// Whether two elements are certainly at least so far apart, mm, as far as a few products show: one
+/// is beside the other's line, inside or outside its circle, or behind it. Settles most pairs whose
+/// boxes are near.
 pub(crate) fn are_apart(a: &Element, b: &Element, limit_mm: f64) -> bool {
-    let (Element::Line(a), Element::Line(b)) = (a, b) else { return false };
-    is_beside(a, b, limit_mm) || is_beside(b, a, limit_mm)
+    match (a, b) {
+        (Element::Line(a), Element::Line(b)) => {
+            is_beside(a, b, limit_mm) || is_beside(b, a, limit_mm)
+        }
+        (Element::Line(line), Element::Arc(arc)) | (Element::Arc(arc), Element::Line(line)) => {
+            let center_off = cross(line.tangent, arc.center - line.start).abs();
+            let ends = [line.start, line.start + line.tangent * line.length];
+            center_off - arc.radius > limit_mm
+                || is_behind(arc, ends, limit_mm)
+                || is_before_chord(arc, ends, 0.0, limit_mm)
+        }
+        (Element::Arc(a), Element::Arc(b)) => {
+            let between = (a.center - b.center).norm();
+            let nested = (a.radius - b.radius).abs() - between;
+            nested.max(between - a.radius - b.radius) > limit_mm
+                || is_before_chord(a, [b.center; 2], b.radius, limit_mm)
+                || is_before_chord(b, [a.center; 2], a.radius, limit_mm)
+        }
+    }
 }
 
 fn is_beside(line: &Line, other: &Line, limit_mm: f64) -> bool {
@@ -66,6 +84,36 @@ fn is_beside(line: &Line, other: &Line, limit_mm: f64) -> bool {
     let [from, to] = [off(other.start), off(other.start + other.tangent * other.length)];
     from.min(to) > limit_mm || from.max(to) < -limit_mm
 }
+
+/// Whether a line between two points stays behind an arc of less than half a turn, seen from
+/// outside its circle: so far back in each direction that the arc faces.
+fn is_behind(arc: &Arc, ends: [Vec2; 2], limit_mm: f64) -> bool {
+    let most = arc.radius - limit_mm;
+    if most <= 0.0 || arc.sweep > SWEEP_MAX {
+        return false;
+    }
+    ends.into_iter().all(|end| {
+        let out = end - arc.center;
+        let is_faced =
+            cross(arc.from, out) * arc.turn >= 0.0 && cross(out, arc.to) * arc.turn >= 0.0;
+        let ahead = arc.from.dot(&out).max(arc.to.dot(&out));
+        ahead < most && (!is_faced || out.norm_squared() < most * most)
+    })
+}
+
+/// Whether everything within `radius_mm` of two points is so far from the chord of an arc, on the
+/// side where its centre is.
+fn is_before_chord(arc: &Arc, points: [Vec2; 2], radius_mm: f64, limit_mm: f64) -> bool {
+    if arc.sweep > SWEEP_MAX {
+        return false;
+    }
+    let out = (arc.from + arc.to).normalize();
+    let ahead = points.map(|point| out.dot(&(point - arc.center)));
+    out.dot(&arc.from) * arc.radius - ahead[0].max(ahead[1]) - radius_mm > limit_mm
+}
+
+/// For such arcs, rad, the chord is on the far side of the centre.
+const SWEEP_MAX: f64 = 0.75 * std::f64::consts::PI;
 
 /// The pairs of points of two whole lines or circles that have a common normal.
 fn facing(path: &Element, wall: &Element) -> impl Iterator<Item = (Vec2, Vec2)> {

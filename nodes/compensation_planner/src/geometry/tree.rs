@@ -26,11 +26,15 @@ pub(crate) const LEAF: usize = 8;
 /// The most boxes of one element.
 const PARTS_MAX: f64 = 16.0;
 
-/// The boxes around the elements that share a lowest box.
-pub(crate) fn boxes_of<'a>(elements: impl Iterator<Item = &'a Element>) -> [Bounds; LEAF] {
+/// Up to so many elements, no more than the bits of a word, each has a box of its own, and all boxes
+/// are compared: a tree would cost more than it saves.
+pub(crate) const FLAT_MAX: usize = 48;
+
+/// The boxes of elements that share a lowest box.
+fn boxes_of(items: Range<usize>, bounds: impl Fn(usize) -> Bounds) -> [Bounds; LEAF] {
     let mut boxes = [Bounds::EMPTY; LEAF];
-    for (bounds, element) in boxes.iter_mut().zip(elements) {
-        *bounds = Bounds::of(element);
+    for (slot, item) in boxes.iter_mut().zip(items) {
+        *slot = bounds(item);
     }
     boxes
 }
@@ -49,6 +53,8 @@ pub(crate) struct Tree {
     above: Vec<Node>,
     /// No lowest box is wider in both directions, mm.
     pub widest_mm: f64,
+    /// Whether there are so few elements that each has a box of its own, in order.
+    is_flat: bool,
 }
 
 /// A lowest box of a tree.
@@ -81,11 +87,23 @@ impl Tree {
 
     /// The same; no lowest box holds several that are wider together than this in both directions.
     pub(crate) fn of_boxes(items: impl Iterator<Item = (Bounds, u32)>, widest_mm: f64) -> Self {
+        if is_flat(&items) {
+            return Self::flat(items, widest_mm);
+        }
         let mut leaves = Leaves { widest_mm, ..Leaves::default() };
         for (index, (bounds, chain)) in items.enumerate() {
             leaves.push(index, Node { bounds, chain });
         }
         leaves.tree()
+    }
+
+    /// A box for each element, and none above.
+    fn flat(items: impl Iterator<Item = (Bounds, u32)>, widest_mm: f64) -> Self {
+        let leaf =
+            |(first, (bounds, chain))| Leaf { node: Node { bounds, chain }, first, count: 1 };
+        let mut leaves: Vec<Leaf> = Vec::with_capacity(items.size_hint().1.unwrap_or(0));
+        leaves.extend((0..).zip(items).map(leaf).filter(|leaf| !leaf.node.bounds.is_empty()));
+        Self { leaves, above: Vec::new(), widest_mm, is_flat: true }
     }
 
     /// Over elements with their chains, in order; `None` is near nothing. No lowest box is wider
@@ -94,6 +112,11 @@ impl Tree {
         items: impl Iterator<Item = (Option<Element>, u32)>,
         widest_mm: f64,
     ) -> Self {
+        if is_flat(&items) {
+            let bounds =
+                |element: Option<Element>| element.map_or(Bounds::EMPTY, |it| Bounds::of(&it));
+            return Self::flat(items.map(|(element, chain)| (bounds(element), chain)), widest_mm);
+        }
         let mut leaves = Leaves { widest_mm, ..Leaves::default() };
         for (index, (element, chain)) in items.enumerate() {
             let Some(element) = element else { continue };
@@ -113,22 +136,71 @@ impl Tree {
         leaves.tree()
     }
 
-    /// Visits the elements of all pairs of lowest boxes that are nearer than `reach` mm and not
-    /// within one chain. A tree against itself visits each pair twice, and long elements may meet
-    /// in several of their boxes. Returns whether it saw all pairs: it gives up when the budget is
-    /// used up, where a visit counts as a box for each element.
+    /// Visits all pairs of elements whose boxes are no farther apart than `reach` mm, except those
+    /// within one chain; `boxes` has the box of each element of both trees. Long elements may be
+    /// visited several times. Returns whether it saw all pairs: it gives up when the budget is used
+    /// up, where a visit counts as a box for each element.
     pub(crate) fn near_pairs(
         &self,
         other: &Self,
         reach: f64,
         budget: &mut usize,
-        mut visit: impl FnMut(Range<usize>, Range<usize>) -> ControlFlow<()>,
+        boxes: (impl Fn(usize) -> Bounds, impl Fn(usize) -> Bounds),
+        mut visit: impl FnMut(usize, usize) -> ControlFlow<()>,
     ) -> bool {
-        let visit = |a: &Leaf, b: &Leaf| visit(a.items(), b.items());
-        search([self.boxes(), other.boxes()], reach, budget, visit)
+        let reach_squared = reach * reach;
+        let is_near = |a: &Bounds, b: &Bounds| a.gap_squared(b) <= reach_squared;
+        if self.is_flat && other.is_flat {
+            return compare_all(&self.leaves, &other.leaves, reach_squared, budget, visit);
+        }
+        let visit = |a: &Leaf, b: &Leaf| {
+            let boxes_of_b = boxes_of(b.items(), &boxes.1);
+            for a in a.items() {
+                let box_of_a = boxes.0(a);
+                for (b, box_of_b) in b.items().zip(&boxes_of_b) {
+                    if is_near(&box_of_a, box_of_b) {
+                        visit(a, b)?;
+                    }
+                }
+            }
+            ControlFlow::Continue(())
+        };
+        search_all([self, other], reach, budget, visit)
     }
 
-    /// The same for a box of its own, which belongs to no chain.
+    /// The same within one tree: each pair once, the earlier first. Pairs within one chain may be
+    /// visited too.
+    pub(crate) fn near_itself(
+        &self,
+        reach: f64,
+        budget: &mut usize,
+        bounds: impl Fn(usize) -> Bounds,
+        mut visit: impl FnMut(usize, usize) -> ControlFlow<()>,
+    ) -> bool {
+        let reach_squared = reach * reach;
+        if self.is_flat {
+            return compare_each(&self.leaves, reach_squared, budget, visit);
+        }
+        let visit = |early: &Leaf, late: &Leaf| {
+            let (early, late) = (early.items(), late.items());
+            if early.start > late.start {
+                return ControlFlow::Continue(());
+            }
+            let early_boxes = boxes_of(early.clone(), &bounds);
+            for late in late {
+                let late_box = bounds(late);
+                for (early, early_box) in (early.start..early.end.min(late)).zip(&early_boxes) {
+                    if early_box.gap_squared(&late_box) <= reach_squared {
+                        visit(early, late)?;
+                    }
+                }
+            }
+            ControlFlow::Continue(())
+        };
+        search_all([self, self], reach, budget, visit)
+    }
+
+    /// Visits the lowest boxes near a box that belongs to no chain.
     pub(crate) fn near_box(
         &self,
         bounds: &Bounds,
@@ -137,15 +209,119 @@ impl Tree {
         mut visit: impl FnMut(Range<usize>) -> ControlFlow<()>,
     ) -> bool {
         let node = Node { bounds: *bounds, chain: NO_CHAIN };
-        let leaves = [Leaf { node, first: 0, count: 1 }];
-        let leaves = if bounds.is_empty() { &[][..] } else { &leaves[..] };
-        let one = Boxes { leaves, above: &[] };
-        search([one, self.boxes()], reach, budget, |_, leaf| visit(leaf.items()))
+        let one = Leaf { node, first: 0, count: 1 };
+        let mut visit = |_: &Leaf, leaf: &Leaf| visit(leaf.items());
+        if bounds.is_empty() {
+            return true;
+        }
+        if self.is_flat {
+            for leaf in &self.leaves {
+                let is_near = node.bounds.gap_squared(&leaf.node.bounds) <= reach * reach;
+                if is_near && visit(&one, leaf).is_break() {
+                    break;
+                }
+            }
+            return true;
+        }
+        search([Boxes::of_one(&one), self.boxes()], reach, budget, visit)
     }
 
     fn boxes(&self) -> Boxes<'_> {
         Boxes { leaves: &self.leaves, above: &self.above }
     }
+}
+
+/// Whether there are so few elements that no tree is built.
+fn is_flat<T>(items: &impl Iterator<Item = T>) -> bool {
+    items.size_hint().1.is_some_and(|most| most <= FLAT_MAX)
+}
+
+/// See [`Tree::near_pairs`], between flat trees.
+fn compare_all(
+    a: &[Leaf],
+    b: &[Leaf],
+    reach_squared: f64,
+    budget: &mut usize,
+    mut visit: impl FnMut(usize, usize) -> ControlFlow<()>,
+) -> bool {
+    if *budget == 0 {
+        return false;
+    }
+    let all = |leaves: &[Leaf]| {
+        leaves.iter().fold(Bounds::EMPTY, |all, leaf| all.union(leaf.node.bounds))
+    };
+    let is_near = |a: &Bounds, b: &Bounds| a.gap_squared(b) <= reach_squared;
+    // One contour inside another is near to a few of its elements only.
+    let (all_a, all_b) = (all(a), all(b));
+    let bit =
+        |(index, leaf): (usize, &Leaf)| u64::from(is_near(&leaf.node.bounds, &all_a)) << index;
+    let near_b = b.iter().enumerate().map(bit).fold(0, |all, bit| all | bit);
+    let count = near_b.count_ones() as usize;
+    for a in a.iter().filter(|leaf| is_near(&leaf.node.bounds, &all_b)) {
+        *budget = budget.saturating_sub(count / LEAF);
+        let mut left = near_b;
+        while left != 0 {
+            let b = &b[left.trailing_zeros() as usize];
+            left &= left - 1;
+            let is_chain = a.node.chain == b.node.chain && a.node.chain != NO_CHAIN;
+            if !is_chain
+                && is_near(&a.node.bounds, &b.node.bounds)
+                && visit(a.first as usize, b.first as usize).is_break()
+            {
+                return true;
+            }
+        }
+    }
+    true
+}
+
+/// See [`Tree::near_itself`], of a flat tree.
+fn compare_each(
+    leaves: &[Leaf],
+    reach_squared: f64,
+    budget: &mut usize,
+    mut visit: impl FnMut(usize, usize) -> ControlFlow<()>,
+) -> bool {
+    if *budget == 0 {
+        return false;
+    }
+    *budget = budget.saturating_sub(leaves.len() * leaves.len() / (2 * LEAF));
+    for (index, early) in leaves.iter().enumerate() {
+        for late in &leaves[index + 1..] {
+            if early.node.bounds.gap_squared(&late.node.bounds) <= reach_squared
+                && visit(early.first as usize, late.first as usize).is_break()
+            {
+                return true;
+            }
+        }
+    }
+    true
+}
+
+/// [`search`], where the boxes of a flat tree are looked for one after another.
+fn search_all(
+    trees: [&Tree; 2],
+    reach: f64,
+    budget: &mut usize,
+    mut visit: impl FnMut(&Leaf, &Leaf) -> ControlFlow<()>,
+) -> bool {
+    let [a, b] = trees;
+    if !a.is_flat && !b.is_flat {
+        return search([a.boxes(), b.boxes()], reach, budget, visit);
+    }
+    let mut is_over = false;
+    let mut visit = |a: &Leaf, b: &Leaf| {
+        let next = visit(a, b);
+        is_over |= next.is_break();
+        next
+    };
+    let flat = if a.is_flat { a } else { b };
+    let is_complete = flat.leaves.iter().all(|leaf| {
+        let one = Boxes::of_one(leaf);
+        let pair = if a.is_flat { [one, b.boxes()] } else { [a.boxes(), one] };
+        search(pair, reach, budget, &mut visit)
+    });
+    is_complete
 }
 
 /// See [`Tree::near_pairs`].
@@ -155,7 +331,7 @@ fn search(
     budget: &mut usize,
     visit: impl FnMut(&Leaf, &Leaf) -> ControlFlow<()>,
 ) -> bool {
-    let [Some(a), Some(b)] = trees.map(|tree| tree.top()) else { return true };
+    let [Some(a), Some(b)] = trees.map(Boxes::top) else { return true };
     let mut search = Search { trees, reach_squared: reach * reach, budget, visit };
     search.pairs(a, b) != ControlFlow::Break(Stop::NoBudget)
 }
@@ -220,6 +396,10 @@ struct Place {
 }
 
 impl<'a> Boxes<'a> {
+    const fn of_one(leaf: &'a Leaf) -> Self {
+        Self { leaves: std::slice::from_ref(leaf), above: &[] }
+    }
+
     /// The box that holds all others; `None` without any.
     fn top(self) -> Option<Place> {
         let level = self.leaves.len().checked_next_power_of_two()?.trailing_zeros();
@@ -296,7 +476,7 @@ impl Leaves {
             }
             from = to;
         }
-        Tree { leaves, above, widest_mm }
+        Tree { leaves, above, widest_mm, is_flat: false }
     }
 }
 
@@ -345,8 +525,8 @@ mod tests {
     proptest! {
         #[test]
         fn no_pair_that_is_near_is_missed(
-            lines in prop::collection::vec(prop::array::uniform4(0.1..20.0_f64), 1..60),
-            others in prop::collection::vec(prop::array::uniform4(0.1..20.0_f64), 1..60),
+            lines in prop::collection::vec(prop::array::uniform4(0.1..20.0_f64), 1..120),
+            others in prop::collection::vec(prop::array::uniform4(0.1..20.0_f64), 1..120),
             reach in 0.0..5.0_f64,
         ) {
             let boxes = |lines: &[[f64; 4]]| -> Vec<Bounds> {
@@ -355,11 +535,22 @@ mod tests {
             let (a, b) = (boxes(&lines), boxes(&others));
             let tree = |boxes: &[Bounds]| Tree::new(boxes.iter().map(|bounds| (*bounds, NO_CHAIN)));
             let mut seen = BTreeSet::new();
-            let is_complete = tree(&a).near_pairs(&tree(&b), reach, &mut usize::MAX.clone(), |a, b| {
-                seen.extend(a.flat_map(|a| b.clone().map(move |b| (a, b))));
+            let both = (|one: usize| a[one], |other: usize| b[other]);
+            let mut all = usize::MAX;
+            let is_complete = tree(&a).near_pairs(&tree(&b), reach, &mut all, both, |a, b| {
+                seen.insert((a, b));
                 ControlFlow::Continue(())
             });
             prop_assert!(is_complete);
+            let mut within = BTreeSet::new();
+            tree(&a).near_itself(reach, &mut all, |one| a[one], |early, late| {
+                within.insert((early, late));
+                ControlFlow::Continue(())
+            });
+            for (late, early) in (0..a.len()).flat_map(|late| (0..late).map(move |it| (late, it))) {
+                let is_near = a[early].gap_squared(&a[late]) <= reach * reach;
+                prop_assert_eq!(is_near, within.contains(&(early, late)), "{} {}", early, late);
+            }
             let mut seen_alone = BTreeSet::new();
             for (i, one) in a.iter().enumerate() {
                 tree(&b).near_box(one, reach, &mut usize::MAX.clone(), |b| {
@@ -370,7 +561,7 @@ mod tests {
             for (i, one) in a.iter().enumerate() {
                 for (j, other) in b.iter().enumerate() {
                     let is_near = one.gap_squared(other) <= reach * reach;
-                    prop_assert!(!is_near || seen.contains(&(i, j)), "{i} {j}");
+                    prop_assert_eq!(is_near, seen.contains(&(i, j)), "{} {}", i, j);
                     prop_assert!(!is_near || seen_alone.contains(&(i, j)), "{i} {j}");
                 }
             }
@@ -389,7 +580,8 @@ mod tests {
         let tree = Tree::of_elements(lines.map(|line| (line, NO_CHAIN)), 24.0);
         let all = usize::MAX;
         let mut left = all;
-        assert!(tree.near_pairs(&tree, 3.0, &mut left, |_, _| ControlFlow::Continue(())));
+        let bounds = |_| Bounds::EMPTY;
+        assert!(tree.near_itself(3.0, &mut left, bounds, |_, _| ControlFlow::Continue(())));
         (all - left) as f64 / count as f64
     }
 
@@ -402,7 +594,9 @@ mod tests {
     #[test]
     fn a_long_element_has_several_boxes_and_short_ones_share_one() {
         let lines = [[0.0, 0.0, 80.0, 60.0], [80.0, 60.0, 1.0, 1.0], [81.0, 61.0, 1.0, 2.0]];
-        let items = lines.iter().map(|numbers| (Some(line(numbers)), NO_CHAIN));
+        // Few elements would have a box each.
+        let none = std::iter::repeat_n((None, NO_CHAIN), FLAT_MAX);
+        let items = lines.iter().map(|numbers| (Some(line(numbers)), NO_CHAIN)).chain(none);
         let tree = Tree::of_elements(items, 20.0);
         let mut items: Vec<_> = tree.leaves.iter().map(|leaf| (leaf.first, leaf.count)).collect();
         items.sort_unstable();

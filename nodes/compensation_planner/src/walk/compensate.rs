@@ -11,6 +11,7 @@ use crate::check::reach::{self, is_any_unreachable, unreachable};
 use crate::check::trim::trim;
 use crate::check::uncut::{self, UncutRegion};
 use crate::check::walls::{Layout, Walls};
+use crate::geometry::bounds::Bounds;
 use crate::geometry::frame::{height, in_plane, plane_axes};
 use crate::geometry::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM};
 use crate::span::chain::{ChainLink, Placed, Role as LinkRole, join};
@@ -263,6 +264,34 @@ impl Solution {
     pub(crate) fn joined<'a>(&'a self, span: &'a Span<'_>, profile: &Profile) -> Joined<'a> {
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
         Joined { links: &self.links, placed: &self.placed, corners }
+    }
+
+    /// A box around the tool path and its leads, and the greatest radius, mm. `None` where the tool
+    /// goes around a corner in lines, which may be long.
+    pub(crate) fn bounds(&self, span: &Span<'_>, profile: &Profile) -> Option<(Bounds, f64)> {
+        let Joined { links, placed, corners } = self.joined(span, profile);
+        let has_lines = |index: usize| {
+            matches!(links[placed[index].link].role, LinkRole::Corner { .. })
+                && corners.lines(links, placed, index).is_some()
+        };
+        if (0..placed.len()).any(has_lines) {
+            return None;
+        }
+        let mut reach = 0.0_f64;
+        let (mut walls, mut bounds) = (Bounds::EMPTY, Bounds::EMPTY);
+        for run in &self.runs {
+            walls = walls.union(Bounds::of(&run.element));
+            reach = reach.max(run.d_in_mm.abs()).max(run.d_out_mm.abs());
+        }
+        for place in placed {
+            bounds = bounds.with(place.start).with(place.end);
+        }
+        for (radius_mm, path) in self.leads.iter().flatten() {
+            reach = reach.max(*radius_mm);
+            bounds = path.elements().fold(bounds, |all, path| all.union(Bounds::of(&path)));
+        }
+        // Each point of an arc has its foot on a wall, or goes around a corner of it.
+        Some((bounds.union(walls.wider(reach)), reach))
     }
 
     /// The lead-on and the lead-off, once written: radius, mm, and path.

@@ -9,10 +9,10 @@ use crate::check::finding::{self, OtherCut};
 use crate::check::interference;
 use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::NO_CHAIN;
-use crate::geometry::distance::nearest_between;
+use crate::geometry::distance::{are_apart, nearest_between};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
-use crate::geometry::tree::{Tree, boxes_of, budget};
+use crate::geometry::tree::{Tree, budget};
 use crate::span::{ItemKind, Run, Span};
 use crate::walk::compensate::{Exit, Solution};
 use crate::walk::span_index::SpanIndex;
@@ -21,7 +21,7 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::{OtherSpans, Profile};
 use std::cell::OnceCell;
-use std::collections::BTreeMap;
+use std::collections::btree_map::{BTreeMap, Entry};
 use std::ops::ControlFlow;
 
 /// Findings of this kind in a program; more help nobody.
@@ -37,9 +37,9 @@ pub(crate) struct EarlierSpans<'a> {
     /// The first span waits for a second one: most long programs have one only.
     first: Option<Box<(Part, Span<'a>, Solution)>>,
     left: Vec<SpanWalls>,
-    /// Where they are, and which have a fingerprint.
+    /// Where they are, and which contour each is.
     places: SpanIndex,
-    known: BTreeMap<Fingerprint, Vec<usize>>,
+    known: BTreeMap<Contour, usize>,
     work_system: u8,
     systems_moved: u32,
     /// Boxes that may still be visited.
@@ -62,6 +62,9 @@ struct SpanWalls {
 
 /// How many walls, and a sum over them.
 type Fingerprint = (usize, u64);
+
+/// What identifies a contour: the axis of its tool, its work coordinate system, and its walls.
+type Contour = (usize, u8, Fingerprint);
 
 #[derive(Debug, Clone, Copy)]
 struct Wall {
@@ -131,34 +134,63 @@ impl<'a> EarlierSpans<'a> {
         }
         if let Some((part, span, solution)) = self.first.take().map(|first| *first) {
             let left = SpanWalls::of(part, &span, &solution, &span.leg_heights());
-            left.into_iter().for_each(|left| self.push(left));
+            left.into_iter().for_each(|left| self.add(left));
         }
         let heights = span.leg_heights();
         let left = SpanWalls::of(part, &span, &solution, &heights)?;
-        // The span itself checks a link against the wall that it leaves.
-        let by_link = |said: &&Finding| said.code == Code::LinkGouge;
-        let checked: Vec<Source> = said.iter().filter(by_link).filter_map(|it| it.other).collect();
-        let pieces = pieces(&span, exit, &solution, &heights, profile, said);
-        let found = self.cut(&left, pieces, &checked, &span, profile);
-        let mut known = self.known.get(&left.fingerprint).into_iter().flatten();
-        match known.find(|other| self.left[**other].is_same(&left)) {
-            Some(same) => self.left[*same].is_cut_again(&left),
-            None => self.push(left),
-        }
+        self.budget += budget(left.walls.len()) - budget(0);
+        let near = self.near(&solution, &left, &span, profile);
+        let found = match near.as_deref() {
+            Some([]) => None,
+            _ => {
+                // The span itself checks a link against the wall that it leaves.
+                let by_link = |said: &&Finding| said.code == Code::LinkGouge;
+                let checked = said.iter().filter(by_link).filter_map(|it| it.other);
+                let checked: Vec<Source> = checked.collect();
+                let pieces = pieces(&span, exit, &solution, &heights, profile, said);
+                self.cut((&left, near), pieces, &checked, &span, profile)
+            }
+        };
+        self.add(left);
         self.findings_left -= usize::from(found.is_some());
         found
     }
 
-    fn push(&mut self, left: SpanWalls) {
-        self.known.entry(left.fingerprint).or_default().push(self.left.len());
-        self.places.push(left.bounds);
-        self.left.push(left);
+    /// Adds a contour, unless it is known: then it is cut at another height.
+    fn add(&mut self, left: SpanWalls) {
+        match self.known.entry(left.contour()) {
+            Entry::Occupied(same) => self.left[*same.get()].is_cut_again(&left),
+            Entry::Vacant(new) => {
+                new.insert(self.left.len());
+                self.places.push(left.bounds);
+                self.left.push(left);
+            }
+        }
+    }
+
+    /// The other contours that the tool may come near to, as far as a box around its path shows, the
+    /// latest first; `None` without such a box.
+    fn near(
+        &self,
+        solution: &Solution,
+        of: &SpanWalls,
+        span: &Span<'_>,
+        profile: &Profile,
+    ) -> Option<Vec<usize>> {
+        let (bounds, reach) = solution.bounds(span, profile)?;
+        let mut near = self.places.near(&bounds, reach);
+        near.retain(|left| self.is_other(*left, of));
+        Some(near)
+    }
+
+    fn is_other(&self, left: usize, of: &SpanWalls) -> bool {
+        self.left[left].part == of.part && !self.left[left].is_same(of)
     }
 
     /// The deepest cut into the latest span that is cut.
     fn cut(
         &mut self,
-        of: &SpanWalls,
+        (of, near): (&SpanWalls, Option<Vec<usize>>),
         pieces: Vec<Piece>,
         checked: &[Source],
         span: &Span<'_>,
@@ -168,32 +200,24 @@ impl<'a> EarlierSpans<'a> {
         let boxes: Vec<Bounds> = pieces.iter().map(|piece| Bounds::of(&piece.path)).collect();
         let reach = pieces.iter().fold(0.0, |reach: f64, piece| reach.max(piece.radius_mm));
         let bounds = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
-        let are_near = |a: &Bounds, b: &Bounds| a.gap_squared(b) < reach * reach;
-        let near = self.places.near(&bounds, reach).into_iter().map(|left| &self.left[left]);
+        let mut near = near.unwrap_or_else(|| self.places.near(&bounds, reach));
+        let is_near = |left: &SpanWalls| left.bounds.gap_squared(&bounds) < reach * reach;
+        near.retain(|left| self.is_other(*left, of) && is_near(&self.left[*left]));
         let mut tree = None;
-        for left in near.filter(|left| left.part == of.part && !left.is_same(of)) {
+        for left in near.into_iter().map(|left| &self.left[left]) {
             let chained = boxes.iter().map(|bounds| (*bounds, NO_CHAIN));
             let tree = tree.get_or_insert_with(|| Tree::new(chained));
             let mut deepest: Option<OtherCut> = None;
-            let is_complete = tree.near_pairs(left.tree(), reach, &mut self.budget, |on, into| {
-                let walls = &left.walls[into];
-                let wall_boxes = boxes_of(walls.iter().map(|wall| &wall.element));
-                // One contour inside another is near to its bounds, and to nothing else.
-                if !wall_boxes.iter().any(|wall| are_near(wall, &bounds)) {
-                    return ControlFlow::Continue(());
-                }
-                let near = on.filter(|piece| are_near(&boxes[*piece], &left.bounds));
-                for (piece, piece_box) in near.map(|piece| (&pieces[piece], &boxes[piece])) {
-                    for (wall, wall_box) in walls.iter().zip(&wall_boxes) {
-                        let gap_squared = piece_box.gap_squared(wall_box);
-                        let cut = piece.cut_into(wall, gap_squared, profile, span.d_mm);
-                        let is_deeper = |cut: &OtherCut| {
-                            !checked.contains(&cut.into)
-                                && deepest.is_none_or(|other| cut.depth_mm() > other.depth_mm())
-                        };
-                        deepest = cut.filter(is_deeper).or(deepest);
-                    }
-                }
+            let wall_box = |wall: usize| Bounds::of(&left.walls[wall].element);
+            let of = (|piece: usize| boxes[piece], wall_box);
+            let walls = left.tree();
+            let is_complete = tree.near_pairs(walls, reach, &mut self.budget, of, |on, into| {
+                let cut = pieces[on].cut_into(&left.walls[into], profile, span.d_mm);
+                let is_deeper = |cut: &OtherCut| {
+                    !checked.contains(&cut.into)
+                        && deepest.is_none_or(|other| cut.depth_mm() > other.depth_mm())
+                };
+                deepest = cut.filter(is_deeper).or(deepest);
                 ControlFlow::Continue(())
             });
             if let Some(cut) = deepest {
@@ -228,15 +252,23 @@ impl SpanWalls {
                 source: span.legs[runs[run].legs.start].source,
             })
         };
-        let walls: Vec<Wall> = match walls.is_complete() {
-            true => (0..walls.count()).filter(is_first).filter_map(wall).collect(),
-            false => return None,
-        };
-        let boxes = walls.iter().map(|wall| Bounds::of(&wall.element));
-        let bounds = boxes.fold(Bounds::EMPTY, Bounds::union);
-        let print = walls.iter().fold(0_u64, |sum, wall| sum.wrapping_add(print(&wall.element)));
-        let fingerprint = (walls.len(), print);
-        Some(Self { part, fingerprint, walls, tree: OnceCell::new(), bounds })
+        if !walls.is_complete() {
+            return None;
+        }
+        let mut left: Vec<Wall> = Vec::with_capacity(walls.count());
+        left.extend((0..walls.count()).filter(is_first).filter_map(wall));
+        let (mut bounds, mut sum) = (Bounds::EMPTY, 0_u64);
+        for wall in &left {
+            bounds = bounds.union(Bounds::of(&wall.element));
+            sum = sum.wrapping_add(print(&wall.element));
+        }
+        let fingerprint = (left.len(), sum);
+        Some(Self { part, fingerprint, walls: left, tree: OnceCell::new(), bounds })
+    }
+
+    fn contour(&self) -> Contour {
+        let (plane, system) = self.part;
+        (plane.axes()[2], system, self.fingerprint)
     }
 
     fn tree(&self) -> &Tree {
@@ -258,19 +290,13 @@ impl SpanWalls {
 }
 
 impl Piece {
-    /// The cut into a wall, if any; `gap_squared` is between the boxes of both, mm².
-    fn cut_into(
-        &self,
-        wall: &Wall,
-        gap_squared: f64,
-        profile: &Profile,
-        d_mm: f64,
-    ) -> Option<OtherCut> {
+    /// The cut into a wall, if any.
+    fn cut_into(&self, wall: &Wall, profile: &Profile, d_mm: f64) -> Option<OtherCut> {
         let limit = self.radius_mm - GOUGE_MM - profile.accept_tolerance_mm;
         if self.height_mm > wall.height_mm + LENGTH_MM || limit <= 0.0 {
             return None;
         }
-        if gap_squared >= limit * limit {
+        if are_apart(&self.path, &wall.element, limit) {
             return None;
         }
         let near = nearest_between(&self.path, &wall.element);
@@ -328,13 +354,13 @@ fn lowest(heights: &[(f64, f64)], run: &Run) -> f64 {
 
 /// A fingerprint of a wall, the same in both directions.
 fn print(element: &Element) -> u64 {
-    let center = match element {
-        Element::Line(_) => Vec2::zeros(),
-        Element::Arc(arc) => arc.center,
-    };
     let number = |value: f64| (value / LENGTH_MM).round() as i64 as u64;
     let of = |point: Vec2| mixed(mixed(number(point.x)) ^ number(point.y));
-    mixed(of(element.start()).wrapping_add(of(element.end())) ^ of(center))
+    let center = match element {
+        Element::Line(_) => 0,
+        Element::Arc(arc) => of(arc.center),
+    };
+    mixed(of(element.start()).wrapping_add(of(element.end())) ^ center)
 }
 
 /// Each bit depends on each (the finalizer of `SplitMix64`).

@@ -101,8 +101,16 @@ pub(crate) fn are_pieces_apart(
     }
     are_chords_apart(a, b, limit + off_a + off_b)
         || match (of_a, of_b) {
-            (Some(bow), None) => is_off_circle(b, bow, limit) || is_around(a, bow, b, limit),
-            (None, Some(bow)) => is_off_circle(a, bow, limit) || is_around(b, bow, a, limit),
+            (Some(bow), None) => {
+                is_off_circle(b, bow, limit)
+                    || is_behind(a, bow, b, limit)
+                    || is_around(a, bow, b, limit)
+            }
+            (None, Some(bow)) => {
+                is_off_circle(a, bow, limit)
+                    || is_behind(b, bow, a, limit)
+                    || is_around(b, bow, a, limit)
+            }
             _ => false,
         }
 }
@@ -118,6 +126,26 @@ fn is_on_flat_side(chord: Chord, bow: &Bow, other: Chord, bulge: f64) -> bool {
     let side = |point: Point| cross(along, point - chord.0) * bow.round.sweep.signum();
     let least = side(other.0).min(side(other.1));
     least >= bulge * along.norm()
+}
+
+/// Whether a segment lies so far behind an arc, as one sees it from outside, in every direction from
+/// the centre to a point of the arc.
+fn is_behind(arc: Chord, bow: &Bow, segment: Chord, limit: f64) -> bool {
+    /// Beyond this, rad, directions between both ends may be far from both.
+    const SWEEP_MAX: f64 = 2.3;
+    let (center, radius) = (bow.round.center, bow.round.radius);
+    let most = radius - limit - bow.uneven;
+    if most <= 0.0 || bow.round.sweep.abs() > SWEEP_MAX {
+        return false;
+    }
+    let (from, to) = (arc.0 - center, arc.1 - center);
+    let turn = bow.round.sweep.signum();
+    [segment.0, segment.1].into_iter().all(|end| {
+        let out = end - center;
+        let is_faced = cross(from, out) * turn >= 0.0 && cross(out, to) * turn >= 0.0;
+        from.dot(&out).max(to.dot(&out)) <= most * (radius - bow.uneven)
+            && (!is_faced || out.norm_squared() <= most * most)
+    })
 }
 
 /// Whether a segment is inside or outside the whole circle of an arc, and so far from it.

@@ -2,6 +2,8 @@
 //!
 //! A node stands for consecutive pieces: the chord between their ends and their greatest distance
 //! from it. The nodes of a level follow each other, so a tree is one vector of widths.
+//!
+//! A few pieces have no nodes: each has a box, and all boxes are compared.
 
 use crate::geometry::direction_ranges::DirectionRange;
 use crate::geometry::distance_bounds;
@@ -11,6 +13,9 @@ use std::ops::Range;
 
 /// Pieces in a node of the lowest level.
 const LEAF: usize = 4;
+
+/// Up to so many pieces are compared one by one.
+const FLAT_MAX: usize = 64;
 
 /// Nodes that may be visited for each piece, plus a constant.
 const VISITS: (usize, usize) = (96, 100_000);
@@ -26,16 +31,43 @@ pub(crate) struct StripTree<'a> {
     levels: Vec<usize>,
     /// The directions of each node, if needed.
     directions: Vec<DirectionRange>,
-    /// The nodes without anything to check, if there are any.
+    /// The nodes without anything to check, if there are any; without nodes, the pieces.
     idle: Vec<bool>,
+    /// The boxes of a few pieces, which have no nodes: their least and greatest coordinates.
+    boxes: Vec<(Point, Point)>,
 }
 
 impl<'a> StripTree<'a> {
     pub(crate) fn new(pieces: &'a Pieces) -> Self {
+        if pieces.count() > FLAT_MAX {
+            return Self::with_nodes(pieces);
+        }
+        let of = |index: usize| {
+            let (from, to) = pieces.chord(index);
+            let bulge = pieces.bulge(index);
+            (from.inf(&to).add_scalar(-bulge), from.sup(&to).add_scalar(bulge))
+        };
+        Self {
+            pieces,
+            widths: Vec::new(),
+            levels: Vec::new(),
+            directions: Vec::new(),
+            idle: Vec::new(),
+            boxes: (0..pieces.count()).map(of).collect(),
+        }
+    }
+
+    fn with_nodes(pieces: &'a Pieces) -> Self {
         let leaves = pieces.count().div_ceil(LEAF);
         let widths = Vec::with_capacity(2 * leaves + 8);
-        let mut tree =
-            Self { pieces, widths, levels: vec![0], directions: Vec::new(), idle: Vec::new() };
+        let mut tree = Self {
+            pieces,
+            widths,
+            levels: vec![0],
+            directions: Vec::new(),
+            idle: Vec::new(),
+            boxes: Vec::new(),
+        };
         if leaves == 0 {
             return tree;
         }
@@ -101,6 +133,10 @@ impl<'a> StripTree<'a> {
     /// Limits the tree to these pieces.
     #[must_use]
     pub(crate) fn holding(mut self, holds: impl Fn(usize) -> bool) -> Self {
+        if self.is_flat() {
+            self.idle = (0..self.boxes.len()).map(|piece| !holds(piece)).collect();
+            return self;
+        }
         let mut idle: Vec<bool> = Vec::with_capacity(self.widths.len());
         for level in 0..self.levels.len() {
             for node in 0..self.nodes(level) {
@@ -113,6 +149,23 @@ impl<'a> StripTree<'a> {
         }
         self.idle = idle;
         self
+    }
+
+    fn is_flat(&self) -> bool {
+        !self.boxes.is_empty()
+    }
+
+    fn holds(&self, piece: usize) -> bool {
+        self.idle.get(piece).is_none_or(|is_idle| !is_idle)
+    }
+
+    /// The same with nodes, next to a tree that has them.
+    fn beside(&self, other: &Self) -> Option<Self> {
+        let is_alone = self.is_flat() && !other.is_flat();
+        is_alone.then(|| match self.idle.is_empty() {
+            true => Self::with_nodes(self.pieces),
+            false => Self::with_nodes(self.pieces).holding(|piece| self.holds(piece)),
+        })
     }
 
     fn is_idle(&self, (level, node): Node) -> bool {
@@ -164,6 +217,16 @@ pub(crate) fn near(
     if a.pieces.count() == 0 || b.pieces.count() == 0 || limit <= 0.0 {
         return true;
     }
+    if a.is_flat() && b.is_flat() {
+        return (0..a.boxes.len()).all(|of_a| {
+            (0..b.boxes.len()).all(|of_b| {
+                let is_near = b.holds(of_b) && are_near(&a.boxes[of_a], &b.boxes[of_b], limit);
+                !is_near || each(of_a..of_a + 1, of_b..of_b + 1)
+            })
+        });
+    }
+    let with_nodes = [a.beside(b), b.beside(a)];
+    let (a, b) = (with_nodes[0].as_ref().unwrap_or(a), with_nodes[1].as_ref().unwrap_or(b));
     let mut visits = VISITS.0 * (a.pieces.count() + b.pieces.count()) + VISITS.1;
     let mut open = vec![(a.root(), b.root())];
     while let Some((node_a, node_b)) = open.pop() {
@@ -212,6 +275,19 @@ pub(crate) fn near_itself(
 ) -> bool {
     if tree.pieces.count() == 0 {
         return true;
+    }
+    if tree.is_flat() {
+        let count = tree.boxes.len();
+        return (0..count).filter(|early| tree.holds(*early)).all(|early| {
+            (early + 1..count).filter(|late| tree.holds(*late)).all(|late| {
+                let is_near = are_near(&tree.boxes[early], &tree.boxes[late], limit);
+                let goes_on = || {
+                    late == early + 1
+                        && DirectionRange::of_all(tree.pieces, early..late + 1).is_any()
+                };
+                !is_near || goes_on() || each(early..early + 1, late..late + 1)
+            })
+        });
     }
     let mut visits = VISITS.0 * tree.pieces.count() + VISITS.1;
     let mut open = vec![(tree.root(), tree.root())];
@@ -266,6 +342,12 @@ pub(crate) fn near_itself(
         }
     }
     true
+}
+
+/// Whether two boxes are nearer than a limit, mm, along both axes.
+fn are_near(a: &(Point, Point), b: &(Point, Point), limit: f64) -> bool {
+    let apart = (a.0 - b.1).sup(&(b.0 - a.1));
+    apart.x <= limit && apart.y <= limit
 }
 
 fn off((from, to): (Point, Point), point: Point) -> f64 {

@@ -5,7 +5,7 @@
 
 use crate::geometry::distance_bounds;
 use crate::geometry::pieces::Pieces;
-use crate::geometry::planar::{Piece, Point, cross, crossings, unit};
+use crate::geometry::planar::{Piece, Point, cross, crossings, left, unit};
 use crate::geometry::strip_tree::{self, StripTree};
 use crate::walls::retraced_legs::RetracedLegs;
 use std::ops::Range;
@@ -260,12 +260,18 @@ fn of_all(legs: &Pieces, copies: &RetracedLegs, of_firsts: &[Meeting]) -> Vec<Me
     found
 }
 
+/// The rounding of long sums hides loops of so few legs.
+const SHORT: usize = 50;
+
 /// Running sums over the legs: twice the area swept about the start of the first leg, mm², and the
 /// length.
 struct Sums(Vec<[f64; 2]>);
 
 impl Sums {
     fn of(legs: &Pieces) -> Self {
+        if legs.count() <= SHORT {
+            return Self(Vec::new());
+        }
         let start = legs.begin(0);
         let mut sum = [0.0; 2];
         let mut before = vec![sum];
@@ -280,8 +286,6 @@ impl Sums {
     /// Whether the legs between two passings of a place enclose more than noise. A contour that
     /// only goes back over itself has not returned.
     fn is_wide(&self, legs: &Pieces, meeting: &Meeting) -> bool {
-        /// The rounding of long sums hides short loops.
-        const SHORT: usize = 50;
         let (PlaceOnLeg { leg: early, along: begin }, PlaceOnLeg { leg: late, along: end }) =
             (meeting.early, meeting.late);
         if early == late {
@@ -358,6 +362,30 @@ fn runs_on(legs: &Pieces, leg: usize) -> bool {
         || longer <= MERGE_MM
 }
 
+/// Whether a line and an arc of less than half a turn part at their tangent joint: neither ends on
+/// the other.
+fn parts_from(legs: &Pieces, early: usize, late: usize) -> bool {
+    let (bow, line, is_line_first) = match (legs.bow(early), legs.bow(late)) {
+        (None, Some(bow)) => (bow, legs.chord(early), true),
+        (Some(bow), None) => (bow, legs.chord(late), false),
+        _ => return false,
+    };
+    let (end_of_line, end_of_arc) = match is_line_first {
+        true => (legs.begin(early), legs.end(late)),
+        false => (legs.end(late), legs.begin(early)),
+    };
+    let along = unit(line.1 - line.0);
+    let (center, radius) = (bow.round.center, bow.round.radius);
+    let off_line = |point: Point| cross(along, point - line.0).abs();
+    let off_circle = ((end_of_line - center).norm() - radius).abs();
+    let tangent = left(legs.end(early) - center) * bow.round.sweep.signum();
+    tangent.dot(&along) > 0.0
+        && bow.round.sweep.abs() < 3.0
+        && bow.uneven < MEET_MM
+        && (off_line(center) - radius).abs() < 1e-3 * radius
+        && off_line(end_of_arc).min(off_circle) > 4.0 * MEET_MM
+}
+
 fn meet(legs: &Pieces, (early, late): (usize, usize), is_joined: bool, found: &mut Vec<Meeting>) {
     let ((a0, a1), (b0, b1)) = (legs.chord(early), legs.chord(late));
     let (of_a, of_b) = (legs.bow(early), legs.bow(late));
@@ -376,6 +404,9 @@ fn meet(legs: &Pieces, (early, late): (usize, usize), is_joined: bool, found: &m
                 return;
             }
         }
+    }
+    if is_joined && parts_from(legs, early, late) {
+        return;
     }
     // A little more than the limit, for pieces exactly at the limit.
     if distance_bounds::are_pieces_apart((a0, a1), of_a, (b0, b1), of_b, 1.01 * MEET_MM) {
