@@ -11,6 +11,7 @@ use crate::command_line::names::{Names, Scope};
 use crate::endpoints::client::{Client, Endpoints};
 use crate::endpoints::error::{NodeError, failed};
 use crate::endpoints::graph::Graph;
+use crate::endpoints::other_middleware::mismatch;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::qos::Qos;
 use crate::endpoints::service::{
@@ -75,6 +76,12 @@ impl Handle {
     /// The settings from the environment.
     pub fn environment(&self) -> &Environment {
         &self.inner.environment
+    }
+
+    /// A sentence about participants, seen so far, of another middleware than this node's: topics
+    /// of theirs arrive, services do not.
+    pub fn other_middleware(&self) -> Option<String> {
+        mismatch(self.inner.environment.mapping, self.inner.graph.vendors())
     }
 
     /// ROS time: the wall clock, or `/clock` with `use_sim_time`.
