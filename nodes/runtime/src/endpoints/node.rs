@@ -171,8 +171,7 @@ impl Handle {
         qos: Qos,
     ) -> Result<Subscription<T>, NodeError> {
         let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
-        let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
-        Ok(Subscription::new(self.reader(name, &dds_name, &dds_type, qos, false)?))
+        Ok(Subscription::new(self.ros_reader(&name, type_name, qos)?))
     }
 
     /// Offers a service; requests are answered one after the other, in order.
@@ -321,6 +320,17 @@ impl Handle {
             .create_topic(topic.to_owned(), dds_type.to_owned(), &qos.policies(), TopicKind::NoKey)
             .map_err(|error| failed(topic, &error))?;
         make(&topic)
+    }
+
+    /// Makes a reader on an absolute ROS topic, for samples of any type.
+    pub(crate) fn ros_reader(
+        &self,
+        name: &str,
+        type_name: &str,
+        qos: Qos,
+    ) -> Result<Reader, NodeError> {
+        let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
+        self.reader(name.to_owned(), &dds_name, &dds_type, qos, false)
     }
 
     fn reader(
