@@ -51,7 +51,13 @@ pub fn parameters() -> Vec<Declared> {
         )
         .read_only()
         .formerly("controller"),
-        Declared::new("frame_id", "work", "frame of the programmed contour").read_only(),
+        Declared::new(
+            "frame_id",
+            "work",
+            "frame of the programmed contour; work stands after the namespace of the node \
+             (cell/mill/work), /work does not",
+        )
+        .read_only(),
         Declared::new("block_delete", false, "whether blocks that begin with / are skipped")
             .read_only(),
         Declared::new(
@@ -192,7 +198,11 @@ impl Loader {
                 node.parameter::<Vec<String>>("control_directories"),
                 "control_directories",
             ),
-            frame_id: node.parameter("frame_id"),
+            frame_id: match node.parameter::<String>("frame_id").as_str() {
+                // As the driver names it without a frame_prefix.
+                "work" => format!("{}work", node.names().frame_prefix("")),
+                given => given.trim_start_matches('/').to_owned(),
+            },
             options,
             program: node.publisher("program", Qos::LATCHED)?,
             program_topic: ChunkTopic::new(node, "program/chunks")?,
