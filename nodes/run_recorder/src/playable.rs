@@ -35,8 +35,10 @@ mod tests {
 
     #[test]
     fn a_file_plays_unless_its_first_chunk_alone_lacks_an_index() {
-        // The offset and the length of the index of each chunk, and the refused one.
-        let table: [(&[(u64, u64)], Option<u64>); 8] = [
+        /// The offset of a chunk, and the length of its index.
+        type Chunk = (u64, u64);
+        // Chunks, and the refused one.
+        let table: [(&[Chunk], Option<u64>); 8] = [
             (&[], None),
             (&[(384, 900)], None),
             (&[(384, 900), (2000, 31)], None),
