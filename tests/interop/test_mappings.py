@@ -5,11 +5,13 @@ ROS 2 itself no more than here. Topics do. What must not happen is that a reques
 for another one.
 """
 
+import os
+import subprocess
 import uuid
 
 import pytest
 
-from machine import Machine
+from machine import Machine, kerf
 from programs import QUICK, MachineState, until_state
 from ros2 import ActionClient, ParameterClient, Qos, message, until
 from ros2.actions import goal_id
@@ -66,6 +68,18 @@ def test_a_parameter_of_another_middleware_is_not_set(machine, node):
     gid = setting.gid().hex()
     until('a word in the log', lambda: f'|{gid[24:]}' in machine.log())
     assert 'use_sim_time' not in machine.log()
+
+
+def test_kerf_status_names_the_other_middleware(machine, node):
+    node.subscription('std_msgs/msg/Bool', 'feed_hold')
+    environment = {name: value for name, value in os.environ.items()
+                   if not name.startswith(('ROS_', 'RMW_'))}
+    environment['ROS_DOMAIN_ID'] = str(machine.domain_id)
+    status = subprocess.run(
+        [kerf(), 'status', '--ros-args', '-r', f'__ns:={machine.namespace}'],
+        env=environment, capture_output=True, text=True, timeout=60, check=True)
+    assert '1 participant of this ROS domain uses rmw_cyclonedds_cpp, and this node ' \
+        'rmw_fastrtps_cpp: ' in status.stdout
 
 
 def test_topics_work_across_middlewares(node):

@@ -54,7 +54,9 @@ def test_absolute_names_are_those_of_the_whole_domain(cell):
     with Node('dashboard', '/', left.domain_id) as dashboard:
         states = [dashboard.subscription(MachineState.ros_name, name, LATCHED)
                   for name in (f'{left.namespace}/machine_state', f'{right.namespace}/state')]
-        assert all(state.newest().header.frame_id == 'machine' for state in states)
+        # One /tf for both: each has frames of its own.
+        assert [state.newest().header.frame_id for state in states] == [
+            f'{machine.namespace[1:]}/machine' for machine in (left, right)]
 
 
 def test_a_node_that_was_renamed_has_its_services_under_its_name(cell):

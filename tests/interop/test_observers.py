@@ -104,20 +104,23 @@ def test_the_machine_moves_on_the_screen(machine, node):
     assert joint.name == ['x', 'y', 'z'] and len(joint.position) == 3
     seen = {(transform.header.frame_id, transform.child_frame_id)
             for transform in frames.wait(lambda message: message.transforms).transforms}
-    assert ('machine', 'work') in seen or ('machine', 'tool0') in seen
+    machine_frame, work, tool = (
+        f'{machine.namespace[1:]}/{frame}' for frame in ('machine', 'work', 'tool0'))
+    assert (machine_frame, work) in seen and (work, tool) in seen
 
 
-def test_the_preview_is_the_path_in_the_work_frame(node):
+def test_the_preview_is_the_path_in_the_work_frame(machine, node):
     _, path = load(node, text=QUICK, name='quick.ngc')
     preview = node.subscription('nav_msgs/msg/Path', 'compensated_path/preview', LATCHED).wait(
         lambda preview: preview.header.stamp == path.header.stamp)
-    assert preview.header.frame_id == 'work'
+    work = f'{machine.namespace[1:]}/work'
+    assert preview.header.frame_id == work
     corners = [(round(pose.pose.position.x, 6), round(pose.pose.position.y, 6))
                for pose in preview.poses]
     assert corners[-4:] == [(0.045, 0.005), (0.045, 0.045), (0.005, 0.045), (0.005, 0.005)]
     markers = node.subscription(
         'visualization_msgs/msg/MarkerArray', 'markers', LATCHED).newest()
-    assert {marker.header.frame_id for marker in markers.markers} == {'work'}
+    assert {marker.header.frame_id for marker in markers.markers} == {work}
 
 
 def test_a_recorder_of_bags_can_subscribe_everything_with_what_is_offered(machine, node):

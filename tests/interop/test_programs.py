@@ -12,7 +12,7 @@ from ros2.interfaces import cdr_body
 LoadProgram = service('cnc_msgs/srv/LoadProgram')
 
 
-def test_a_program_is_loaded_from_a_file_and_planned(node):
+def test_a_program_is_loaded_from_a_file_and_planned(machine, node):
     answer, path = load_demo(node)
     assert answer.line_count == 14
     assert answer.findings == []
@@ -20,7 +20,7 @@ def test_a_program_is_loaded_from_a_file_and_planned(node):
     # Metres: the contour reaches from X15 to X110.
     assert abs(answer.bounds_max.x - 0.110) < 1e-9
     assert path.control == 'sinumerik_840c'
-    assert path.header.frame_id == 'work'
+    assert path.header.frame_id == f'{machine.namespace[1:]}/work'
     assert path.element_count > 0 and path.chunk_count > 0
 
 

@@ -97,9 +97,11 @@ def test_the_frames_of_the_layouts_are_those_of_the_machine(machine, node, rviz,
         for found in tf.take():
             for transform in found.transforms:
                 frames.update((transform.header.frame_id, transform.child_frame_id))
-        return {rviz['Global Options']['Fixed Frame'],
-                rviz['Views']['Current']['Target Frame'],
-                foxglove['configById']['3D!path']['fixedFrame']} <= frames
+        # The layouts are for a machine without a namespace, which stands before its frames.
+        named = {rviz['Global Options']['Fixed Frame'],
+                 rviz['Views']['Current']['Target Frame'],
+                 foxglove['configById']['3D!path']['fixedFrame']}
+        return {f'{machine.namespace[1:]}/{frame}' for frame in named} <= frames
     tf = node.subscription('tf2_msgs/msg/TFMessage', '/tf')
     until('the frames', seen)
     graph = Graph(node)

@@ -52,6 +52,9 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
         if let Some(result) = ended {
             println!("  last run {}", run_result::of_message(&result));
         }
+        if let Some(mismatch) = node.other_middleware() {
+            println!("  {mismatch}");
+        }
         Ok(())
     };
     over_ros_or_locally(ros_args, Wish::State, over_ros, |answer| {

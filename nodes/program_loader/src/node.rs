@@ -13,7 +13,6 @@ use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
-use cnc_msgs::geometry::Position;
 use cnc_msgs::interface::Service;
 use cnc_msgs::profile::{Profile, UnknownReaction};
 use cnc_msgs::units::{point_from_position, position_from_point};
@@ -22,6 +21,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
     GetContourChunks, GetProgramChunks, LoadProgram, LoadProgramRequest, LoadProgramResponse,
     PutProgramChunk, ReadBlock, ReadBlockRequest, ReadBlockResponse,
 };
+use cnc_msgs::wire::geometry_msgs::msg::Point;
 use cnc_msgs::wire::std_msgs::msg::Header;
 use intake::file::ReadError;
 use intake::folders::{Folders, LookupError};
@@ -52,7 +52,13 @@ pub fn parameters() -> Vec<Declared> {
         )
         .read_only()
         .formerly("controller"),
-        Declared::new("frame_id", "work", "frame of the programmed contour").read_only(),
+        Declared::new(
+            "frame_id",
+            "work",
+            "frame of the programmed contour; work stands after the namespace of the node \
+             (cell/mill/work), /work does not",
+        )
+        .read_only(),
         Declared::new("block_delete", false, "whether blocks that begin with / are skipped")
             .read_only(),
         Declared::new(
@@ -224,7 +230,11 @@ impl Loader {
                 node.parameter::<Vec<String>>("control_directories"),
                 "control_directories",
             ),
-            frame_id: node.parameter("frame_id"),
+            frame_id: match node.parameter::<String>("frame_id").as_str() {
+                // As the driver names it without a frame_prefix.
+                "work" => format!("{}work", node.names().frame_prefix("")),
+                given => given.trim_start_matches('/').to_owned(),
+            },
             options,
             program: node.publisher("program", Qos::LATCHED)?,
             program_topic: ChunkTopic::new(node, "program/chunks")?,
@@ -287,8 +297,8 @@ impl Loader {
             message: format!("{name} is loaded: {} lines", loaded.line_count),
             program_id: id_of(&profile, &text),
             line_count: loaded.line_count,
-            bounds_min: point_from_position(min),
-            bounds_max: point_from_position(max),
+            bounds_min: min,
+            bounds_max: max,
             findings,
             finding_count,
             ..LoadProgramResponse::default()
@@ -334,7 +344,12 @@ impl Loader {
         let chunks = ContourChunks::new(program_id, loaded.contour);
         W {
             success: true,
-            contour: self.manifest(request.text.clone(), &profile, &chunks, (start, start)),
+            contour: self.manifest(
+                request.text.clone(),
+                &profile,
+                &chunks,
+                (request.start.clone(), request.start.clone()),
+            ),
             chunks: (0..chunks.count()).filter_map(|index| chunks.chunk(index)).collect(),
             ..response
         }
@@ -429,7 +444,7 @@ impl Loader {
         name: String,
         profile: &Profile,
         chunks: &ContourChunks,
-        (min, max): (Position, Position),
+        (bounds_min, bounds_max): (Point, Point),
     ) -> ProgrammedContour {
         ProgrammedContour {
             header: Header { stamp: self.node.now().into(), frame_id: self.frame_id.clone() },
@@ -437,8 +452,8 @@ impl Loader {
             name,
             control: profile.name.clone(),
             profile: settings::profile_to_yaml(profile),
-            bounds_min: point_from_position(min),
-            bounds_max: point_from_position(max),
+            bounds_min,
+            bounds_max,
             ..chunks.manifest()
         }
     }
@@ -455,10 +470,20 @@ pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
     ))
 }
 
-/// The corners of the box around the programmed motion; without motion, the start.
-pub fn corners(loaded: &Loaded) -> (Position, Position) {
-    let start = loaded.contour.start;
-    loaded.bounds.as_ref().map_or((start, start), |bounds| (bounds.min, bounds.max))
+/// The corners of the box around the programmed motion, m; without motion, the start.
+///
+/// NaN for an axis that the program does not name: where that axis stands is not known.
+pub fn corners(loaded: &Loaded) -> (Point, Point) {
+    let Some(bounds) = &loaded.bounds else {
+        let start = point_from_position(loaded.contour.start);
+        return (start.clone(), start);
+    };
+    let corner = |position| {
+        let Point { x, y, z } = point_from_position(position);
+        let named = |axis, value| if bounds.axes.contains(axis) { value } else { f64::NAN };
+        Point { x: named(0, x), y: named(1, y), z: named(2, z) }
+    };
+    (corner(bounds.min), corner(bounds.max))
 }
 
 /// As many findings as fit a response, and how many there are.
@@ -474,4 +499,33 @@ fn first_findings(loaded: &Loaded) -> (Vec<cnc_msgs::wire::cnc_msgs::msg::Findin
 /// The id of a program under the rules of a profile: other rules may give another path.
 fn id_of(profile: &Profile, text: &[u8]) -> String {
     program_id(&settings::profile_to_yaml(profile), text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_axis_that_the_program_does_not_name_has_no_bounds() {
+        const NONE: f64 = f64::NAN;
+        // The program, and both corners, m.
+        let table = [
+            ("G21 G90\nG0 X5 Y-2\nG1 X40 F600\nM30\n", [0.005, -0.002, NONE], [0.04, -0.002, NONE]),
+            ("G21 G90\nG0 Z5\nM30\n", [NONE, NONE, 0.005], [NONE, NONE, 0.005]),
+            ("G21 G90\nG0 X1 Y2 Z3\nM30\n", [0.001, 0.002, 0.003], [0.001, 0.002, 0.003]),
+            // The plane of an arc is named by it.
+            ("G21 G90\nG0 X0\nG2 X10 Y0 I5 J0 F600\nM30\n", [0.0, 0.0, NONE], [0.01, 0.005, NONE]),
+            ("M30\n", [0.0; 3], [0.0; 3]),
+        ];
+        for (text, min, max) in table {
+            let profile = settings::load_profile("rs274").expect("a profile of ours");
+            let loaded = load(text.as_bytes(), &profile, &LoadOptions::default());
+            let (found_min, found_max) = corners(&loaded);
+            let found = [found_min, found_max].map(|it| [it.x, it.y, it.z]);
+            for (found, expected) in found.iter().flatten().zip([min, max].iter().flatten()) {
+                let is_same = (found - expected).abs() < 1e-12;
+                assert!(is_same || (found.is_nan() && expected.is_nan()), "{text:?}: {found:?}");
+            }
+        }
+    }
 }

@@ -6,8 +6,8 @@ use super::output::Output;
 use super::recording::Recording;
 use super::{ReplayError, refused_loads};
 use cnc_msgs::chunk::ContourChunks;
-use cnc_msgs::units::point_from_position;
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, ProgrammedContour};
+use cnc_msgs::wire::geometry_msgs::msg::Point;
 use cnc_msgs::wire::rcl_interfaces::msg::{ParameterType, ParameterValue};
 use program_loader::limits::FlowLimits;
 use program_loader::{LoadOptions, load};
@@ -50,11 +50,11 @@ pub(crate) fn replay(
             name: then.name.clone(),
             control: then.control.clone(),
             profile: then.profile.clone(),
-            bounds_min: point_from_position(bounds.0),
-            bounds_max: point_from_position(bounds.1),
+            bounds_min: bounds.0,
+            bounds_max: bounds.1,
             ..now.manifest()
         };
-        comparison.message("programmed_contour", &program.manifest, &manifest);
+        comparison.message("programmed_contour", &comparable(then), &comparable(&manifest));
         let all = |chunks: &ContourChunks| -> Vec<ContourChunk> {
             (0..chunks.count()).filter_map(|index| chunks.chunk(index)).collect()
         };
@@ -77,6 +77,18 @@ pub(crate) fn replay(
         inputs.hand_on_contour(id, made.as_ref().map(|(manifest, cut)| (manifest, cut)))?;
     }
     refused_loads::replay(&inputs.recording, comparison)
+}
+
+/// The same with a number for bounds that are none: an axis that the program does not name has
+/// NaN, which no comparison takes as equal. Older bags have an infinity there.
+fn comparable(manifest: &ProgrammedContour) -> ProgrammedContour {
+    let known = |value: f64| if value.is_finite() { value } else { f64::MAX };
+    let corner = |Point { x, y, z }: &Point| Point { x: known(*x), y: known(*y), z: known(*z) };
+    ProgrammedContour {
+        bounds_min: corner(&manifest.bounds_min),
+        bounds_max: corner(&manifest.bounds_max),
+        ..manifest.clone()
+    }
 }
 
 /// Whether blocks that begin with a slash were skipped.

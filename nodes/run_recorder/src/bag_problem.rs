@@ -60,6 +60,10 @@ pub enum Problem {
     DamagedRecord { file: String, at: u64, why: String },
     #[error("{file}: the record at byte {at} is damaged, and no message with it: {why}")]
     DamagedIndex { file: String, at: u64, why: String },
+    #[error(
+        "{file}: `ros2 bag play` would play nothing of it: the chunk at byte {at} has no messages and is the first; `kerf bag recover` makes a copy that plays"
+    )]
+    NotPlayable { file: String, at: u64 },
     #[error("{directory}/metadata.yaml says {why}")]
     MetadataDiffers { directory: String, why: String },
     #[error("topic {topic} has no schema, so its messages cannot be decoded")]
@@ -105,6 +109,7 @@ impl Problem {
             | Self::MessagesChanged { .. } => true,
             Self::NoMetadataFile
             | Self::FileNotListed { .. }
+            | Self::NotPlayable { .. }
             | Self::SchemaMissing { .. }
             | Self::OrderNotKept { .. }
             | Self::RecorderSays { .. } => false,
@@ -113,6 +118,14 @@ impl Problem {
 
     /// Whether only redundant data is damaged: no message is lost, and a copy is complete.
     pub fn is_of_index(&self) -> bool {
-        matches!(self, Self::DamagedIndex { .. } | Self::MetadataDiffers { .. })
+        matches!(
+            self,
+            Self::DamagedIndex { .. } | Self::MetadataDiffers { .. } | Self::NotPlayable { .. }
+        )
+    }
+
+    /// Whether the bag is complete in spite of it: only other programs cannot read it.
+    pub fn is_of_players(&self) -> bool {
+        matches!(self, Self::NotPlayable { .. })
     }
 }

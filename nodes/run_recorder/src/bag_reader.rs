@@ -203,7 +203,7 @@ impl<R: Read + Seek> Bag<R> {
         if is_outlined {
             bag.take_back(&repeated, &mut outline)?;
         } else {
-            bag.read_once(&mut outline)?;
+            bag.read_once(&repeated, &mut outline)?;
         }
         bag.take_outline(outline);
         bag.recorder_says();
@@ -252,7 +252,7 @@ impl<R: Read + Seek> Bag<R> {
     ///
     /// Damage inside a chunk is found only when it is read: see [`Bag::verify`].
     pub fn is_complete(&self) -> bool {
-        self.is_finished && self.problems.is_empty()
+        self.is_finished && self.problems.iter().all(Problem::is_of_players)
     }
 
     /// The figures of the bag.
@@ -338,9 +338,30 @@ impl<R: Read + Seek> Bag<R> {
     }
 
     /// Reads every chunk for its channels and counts, if the closing index does not have them.
-    fn read_once(&mut self, outline: &mut Outline) -> Result<(), BagError> {
+    /// Messages of `repeated` chunks do not count, but definitions may stand only there.
+    fn read_once(
+        &mut self,
+        repeated: &[(usize, Stretch)],
+        outline: &mut Outline,
+    ) -> Result<(), BagError> {
         outline.counts.fill(0);
         self.time_range_ns = None;
+        for &place in repeated {
+            let (source, _) = place;
+            let visited =
+                visit_stretch(&mut self.sources, place, |opcode, body, _| {
+                    match parse_body(opcode, body) {
+                        Ok(Record::Schema { header, data }) => {
+                            outline.schema(source, header, data.into_owned());
+                        }
+                        Ok(Record::Channel(channel)) => outline.channel(source, channel),
+                        _ => {}
+                    }
+                })?;
+            if let Some(problem) = visited {
+                self.add_problem(problem);
+            }
+        }
         for index in 0..self.stretches.len() {
             let (source, _) = self.stretches[index];
             let time_range_ns = &mut self.time_range_ns;

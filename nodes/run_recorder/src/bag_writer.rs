@@ -2,8 +2,9 @@
 //!
 //! This file knows the records and their order: profile `ros2`, zstd chunks
 //! with checksums, one channel a topic with its QoS and type hash, sequence
-//! numbers that show losses. Equal calls give equal bytes. It knows neither
-//! files nor threads nor clocks: see [`crate::run_bag`].
+//! numbers that show losses. A definition is written with the next message, never
+//! in a chunk of its own: [`crate::playable`] says why. Equal calls give equal bytes.
+//! It knows neither files nor threads nor clocks: see [`crate::run_bag`].
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
@@ -14,6 +15,7 @@ use mcap::{Attachment, Compression, McapError, WriteOptions};
 use rosidl::schema::{MessageSchema, SchemaError};
 
 use crate::metadata::{BagSummary, TopicSummary, serialized_metadata};
+use crate::playable::has_messages_in_each;
 use crate::qos::{QosProfile, profiles_to_yaml};
 
 /// Bytes of records in a chunk before it is compressed and written; rosbag2's figure.
@@ -92,7 +94,8 @@ impl From<McapError> for BagWriteError {
 }
 
 struct ChannelState {
-    id: u16,
+    /// Its number in the file; `None` until its definition is written.
+    id: Option<u16>,
     next_sequence: u32,
     summary: TopicSummary,
 }
@@ -108,8 +111,11 @@ pub struct BagWriter<W: Write> {
     // `None` once finished.
     inner: Option<mcap::Writer<NoSeek<W>>>,
     channels: Vec<ChannelState>,
+    /// How many of the channels have their definition in the file.
+    defined: usize,
     topics: BTreeSet<String>,
-    schemas: BTreeMap<String, (u16, String)>,
+    /// Definitions by type.
+    schemas: BTreeMap<String, String>,
     time_range_ns: Option<(u64, u64)>,
 }
 
@@ -134,6 +140,7 @@ impl<W: Write> BagWriter<W> {
         Ok(Self {
             inner: Some(inner),
             channels: Vec::new(),
+            defined: 0,
             topics: BTreeSet::new(),
             schemas: BTreeMap::new(),
             time_range_ns: None,
@@ -146,7 +153,7 @@ impl<W: Write> BagWriter<W> {
         let mut next = Self::new(sink)?;
         for state in &self.channels {
             let TopicSummary { topic, type_name, type_hash, qos, .. } = state.summary.clone();
-            let schema_text = self.schemas[&type_name].1.clone();
+            let schema_text = self.schemas[&type_name].clone();
             next.add_channel(&ChannelSpec { topic, type_name, schema_text, type_hash, qos })?;
         }
         for (before, after) in self.channels.iter().zip(&mut next.channels) {
@@ -156,21 +163,30 @@ impl<W: Write> BagWriter<W> {
     }
 
     /// Adds a topic. Checks its definition: a bag that cannot be decoded is useless.
+    ///
+    /// The definition is written with the next message of any topic. A topic that is added after
+    /// the last message of a file is only in its metadata, as in bags of rosbag2.
     pub fn add_channel(&mut self, spec: &ChannelSpec) -> Result<ChannelIndex, BagWriteError> {
         check_spec(spec)?;
         if self.topics.contains(&spec.topic) {
             return Err(BagWriteError::TopicTwice(spec.topic.clone()));
         }
-        let schema_id = self.schema_id(spec)?;
-        let metadata = BTreeMap::from([
-            (QOS_KEY.to_owned(), profiles_to_yaml(&spec.qos)),
-            (TYPE_HASH_KEY.to_owned(), spec.type_hash.clone()),
-        ]);
-        let id = self.inner().add_channel(schema_id, &spec.topic, "cdr", &metadata)?;
-        let index = ChannelIndex(u16::try_from(self.channels.len()).expect("ids are 16 bits wide"));
+        match self.schemas.get(&spec.type_name) {
+            Some(text) if *text != spec.schema_text => {
+                return Err(BagWriteError::TypeTwice(spec.type_name.clone()));
+            }
+            Some(_) => {}
+            None => {
+                self.schemas.insert(spec.type_name.clone(), spec.schema_text.clone());
+            }
+        }
+        let Ok(index) = u16::try_from(self.channels.len()) else {
+            return Err(BagWriteError::Container(McapError::TooManyChannels));
+        };
+        let index = ChannelIndex(index);
         self.topics.insert(spec.topic.clone());
         self.channels.push(ChannelState {
-            id,
+            id: None,
             next_sequence: 0,
             summary: TopicSummary {
                 topic: spec.topic.clone(),
@@ -223,8 +239,10 @@ impl<W: Write> BagWriter<W> {
         publish_time_ns: u64,
         data: &[u8],
     ) -> Result<(), BagWriteError> {
+        self.state(channel)?;
+        self.define_channels()?;
         let header = MessageHeader {
-            channel_id: self.state(channel)?.id,
+            channel_id: self.state(channel)?.id.expect("it was just defined"),
             sequence,
             log_time: log_time_ns,
             publish_time: publish_time_ns,
@@ -311,7 +329,11 @@ impl<W: Write> BagWriter<W> {
         let mut inner = self.inner.take().expect("a finished writer is consumed");
         let finished = inner.finish();
         let sink = inner.into_inner().into_inner();
-        finished?;
+        let finished = finished?;
+        debug_assert!(
+            has_messages_in_each(&finished.chunk_indexes),
+            "a chunk of {file_name} has no messages: `ros2 bag play` would play nothing of it"
+        );
         Ok((sink, summary))
     }
 
@@ -324,17 +346,22 @@ impl<W: Write> BagWriter<W> {
         state.ok_or(BagWriteError::Channel(channel.0))
     }
 
-    fn schema_id(&mut self, spec: &ChannelSpec) -> Result<u16, BagWriteError> {
-        if let Some((id, text)) = self.schemas.get(&spec.type_name) {
-            if *text != spec.schema_text {
-                return Err(BagWriteError::TypeTwice(spec.type_name.clone()));
-            }
-            return Ok(*id);
+    /// Writes the definitions that are not in the file yet, in front of a message.
+    fn define_channels(&mut self) -> Result<(), BagWriteError> {
+        while let Some(state) = self.channels.get_mut(self.defined) {
+            let inner = self.inner.as_mut().expect("a finished writer is consumed");
+            let TopicSummary { topic, type_name, type_hash, qos, .. } = &state.summary;
+            // The same number again for a type that is in the file.
+            let text = self.schemas[type_name].as_bytes();
+            let schema_id = inner.add_schema(type_name, "ros2msg", text)?;
+            let metadata = BTreeMap::from([
+                (QOS_KEY.to_owned(), profiles_to_yaml(qos)),
+                (TYPE_HASH_KEY.to_owned(), type_hash.clone()),
+            ]);
+            state.id = Some(inner.add_channel(schema_id, topic, "cdr", &metadata)?);
+            self.defined += 1;
         }
-        let id =
-            self.inner().add_schema(&spec.type_name, "ros2msg", spec.schema_text.as_bytes())?;
-        self.schemas.insert(spec.type_name.clone(), (id, spec.schema_text.clone()));
-        Ok(id)
+        Ok(())
     }
 }
 

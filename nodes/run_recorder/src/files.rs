@@ -347,7 +347,8 @@ mod tests {
             type_hash: String::new(),
             qos: Vec::new(),
         };
-        bag.add_channel(&spec).unwrap();
+        let channel = bag.add_channel(&spec).unwrap();
+        assert!(bag.write(channel, 1, 1, vec![0, 1, 0, 0, 7]));
         assert!(bag.finish(Duration::from_secs(60)).complete);
         path
     }

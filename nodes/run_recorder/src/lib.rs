@@ -24,6 +24,7 @@ pub mod node;
 mod outline;
 #[cfg(feature = "std-fs")]
 mod parts;
+mod playable;
 pub mod qos;
 mod records;
 pub mod recover;

@@ -136,8 +136,6 @@ impl<'a> Parts<'a> {
         self.bytes_before = self.bytes.load(Ordering::Relaxed);
         self.began = Instant::now();
         self.messages = 0;
-        // A chunk of their own: damage to messages must not lose definitions.
-        self.flush()?;
         self.write_part_record(part)?;
         for again in self.latched.iter() {
             self.writer.repeat(

@@ -16,6 +16,7 @@ use mcap::records::{
 use crate::bag_problem::Problem;
 use crate::bag_writer::PRODUCT;
 use crate::metadata::Claims;
+use crate::playable::refused_chunk;
 use crate::records::{FRAME, Frame, RECORD_SIZE_MAX, parse_body, visit_chunk};
 use crate::scan::read_bytes;
 use summary::Summary;
@@ -320,6 +321,9 @@ impl FileCheck {
             channel_count: self.channels.len(),
             schema_count: self.schemas.len(),
         };
+        if let Some(at) = refused_chunk(self.chunks.values()) {
+            self.problems.push(Problem::NotPlayable { file: self.file.clone(), at });
+        }
         let wrong = self.summary.compare(&found);
         for (at, why) in wrong {
             self.wrong_at(at, why);
@@ -346,7 +350,7 @@ impl FileCheck {
         }
         // If nothing else explains it, any record may be damaged.
         if let Some((at, why)) = self.wrong_data.take()
-            && self.problems.is_empty()
+            && self.problems.iter().all(Problem::is_of_players)
         {
             let file = self.file.clone();
             self.problems.push(Problem::DamagedRecord { file, at, why });

@@ -11,6 +11,7 @@ use rosidl::value::Value;
 use run_recorder::bag_reader::{Bag, BagError, MessageFilter, Problem};
 use run_recorder::bag_writer::{BagAttachment, BagWriteError, BagWriter, LIBRARY};
 use run_recorder::qos::QosProfile;
+use run_recorder::recover::{CopySelection, recover};
 
 #[test]
 fn a_written_bag_reads_back_with_topics_messages_and_quality_of_service() {
@@ -254,4 +255,74 @@ fn a_finished_bag_is_opened_and_sought_in_without_reading_it_whole() {
     assert_eq!(first.log_time_ns, 1000);
     assert!(read.get() * 8 < size, "{} of {size} bytes are read to seek in it", read.get());
     assert_eq!(bag.messages().count(), 2000);
+}
+
+/// A bag of an earlier version: its definitions are in a chunk of their own.
+fn bag_with_definitions_alone() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let options = mcap::WriteOptions::new().profile("ros2");
+    let mut writer = options.create(Cursor::new(&mut bytes)).unwrap();
+    let schema = writer.add_schema("std_msgs/msg/String", "ros2msg", STRING_TEXT.as_bytes());
+    let channel = writer.add_channel(schema.unwrap(), "/log", "cdr", &BTreeMap::new()).unwrap();
+    writer.flush().unwrap();
+    for (sequence, time) in [(0, 10), (1, 20)] {
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence,
+            log_time: time,
+            publish_time: time,
+        };
+        writer.write_to_known_channel(&header, &string_message("x")).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    bytes
+}
+
+#[test]
+fn a_bag_that_ros2_bag_play_refuses_is_named_and_its_copy_plays() {
+    let mut bag = open(&bag_with_definitions_alone());
+    bag.verify().unwrap();
+    let [problem] = bag.problems() else { panic!("{:?}", bag.problems()) };
+    assert!(matches!(problem, Problem::NotPlayable { .. }), "{problem}");
+    assert!(problem.to_string().contains("`kerf bag recover`"), "{problem}");
+    // Nothing is missing from it, so it replays.
+    assert!(bag.is_complete() && problem.is_of_index() && !problem.is_damage());
+
+    let (sink, all) = (Vec::new(), CopySelection::ALL);
+    let (bytes, copied) = recover(&mut bag, sink, "b_0.mcap", &BTreeMap::new(), all).unwrap();
+    assert_eq!(copied.summary.message_count, 2);
+    let mut copy = open(&bytes);
+    copy.verify().unwrap();
+    assert_eq!(copy.problems(), []);
+    assert_eq!(read_all(&mut copy).len(), 2);
+}
+
+#[test]
+fn no_chunk_is_written_without_a_message() {
+    let run = BTreeMap::from([("run_id".to_owned(), "r7".to_owned())]);
+    let mut writer = BagWriter::new(Vec::new()).unwrap();
+    writer.flush().unwrap();
+    let log = writer.add_channel(&string_channel("/log")).unwrap();
+    // Each of these closes a chunk.
+    writer.flush().unwrap();
+    writer.write_metadata("cnc_run", &run).unwrap();
+    writer.add_channel(&string_channel("/silent")).unwrap();
+    writer.flush().unwrap();
+    writer.write(log, 1, 1, &string_message("a")).unwrap();
+    writer.flush().unwrap();
+    writer.add_channel(&point_channel("/late")).unwrap();
+    writer.flush().unwrap();
+    let (bytes, summary) = writer.finish("r7_0.mcap", &run).unwrap();
+    let file = mcap::Summary::read(&bytes).unwrap().unwrap();
+    assert_eq!(file.chunk_indexes.len(), 1);
+    assert!(file.chunk_indexes.iter().all(|chunk| chunk.message_index_length > 0));
+    let mut bag = open(&bytes);
+    bag.verify().unwrap();
+    assert_eq!(bag.problems(), []);
+    // A topic without messages is there if another message came after it; metadata.yaml has
+    // every topic.
+    let topics: Vec<_> = bag.channels().iter().map(|c| c.topic.as_str()).collect();
+    assert_eq!(topics, ["/log", "/silent"]);
+    assert_eq!(summary.topics.len(), 3);
 }

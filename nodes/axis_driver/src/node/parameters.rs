@@ -153,7 +153,12 @@ pub(crate) fn declared() -> Vec<Declared> {
         )
         .within(-100_000.0, 100_000.0),
         Declared::new("optional_stop", encoder.optional_stop, "whether M1 stops as M0 does"),
-        Declared::new("frame_prefix", "", "prefix of the frame names machine, work and tool0"),
+        Declared::new(
+            "frame_prefix",
+            "",
+            "prefix of the frame names machine, work and tool0; empty: the namespace of the node \
+             (cell/mill/); /: none",
+        ),
     ]
     .into_iter()
     .map(Declared::read_only)

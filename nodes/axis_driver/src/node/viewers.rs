@@ -20,6 +20,8 @@ use runtime::{Handle, NodeError, Publisher, Qos, RosTime};
 /// The topics on which the state goes out.
 pub(super) struct Viewers {
     prefix: String,
+    /// Of the names of joints, which are in `joint_states` of one machine.
+    joint_prefix: String,
     baud: u32,
     state: Publisher<MachineStateMessage>,
     joints: Publisher<JointState>,
@@ -30,8 +32,10 @@ pub(super) struct Viewers {
 
 impl Viewers {
     pub(super) fn new(node: &Handle) -> Result<Self, NodeError> {
+        let wanted: String = node.parameter("frame_prefix");
         Ok(Self {
-            prefix: node.parameter("frame_prefix"),
+            prefix: node.names().frame_prefix(&wanted),
+            joint_prefix: if wanted == "/" { String::new() } else { wanted },
             baud: u32::try_from(node.parameter::<i64>("baud")).unwrap_or(115_200),
             state: node.publisher("machine_state", Qos::LATCHED)?,
             joints: node.publisher("joint_states", Qos::DEFAULT)?,
@@ -90,7 +94,7 @@ impl Viewers {
         };
         self.joints.publish(JointState {
             header: self.header(stamp, "machine"),
-            name: ["x", "y", "z"].map(|axis| format!("{}{axis}", self.prefix)).to_vec(),
+            name: ["x", "y", "z"].map(|axis| format!("{}{axis}", self.joint_prefix)).to_vec(),
             position: machine.map(m_from_mm).to_vec(),
             ..JointState::default()
         });

@@ -13,7 +13,6 @@ use cnc_msgs::interface::Message;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::schema::TypeInfo;
 use cnc_msgs::tool_table::ToolTable;
-use cnc_msgs::units::point_from_position;
 use cnc_msgs::wire::builtin_interfaces::msg::{Duration as WireDuration, Time};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::std_msgs::msg::Header;
@@ -119,14 +118,14 @@ fn plan(bag: &mut Bag, blocks: u32) -> (String, Arc<cnc_msgs::path::CompensatedP
     (0..chunks.count()).filter_map(|it| chunks.chunk(it)).for_each(|chunk| {
         bag.put("/program/chunks", at, &chunk);
     });
-    let (min, max) = program_loader::node::corners(&loaded);
+    let (bounds_min, bounds_max) = program_loader::node::corners(&loaded);
     let contour = ContourChunks::new(id.clone(), loaded.contour);
     let manifest = wire::ProgrammedContour {
         program_id: id.clone(),
         control: profile.name.clone(),
         profile: yaml,
-        bounds_min: point_from_position(min),
-        bounds_max: point_from_position(max),
+        bounds_min,
+        bounds_max,
         ..contour.manifest()
     };
     bag.put("/programmed_contour", at, &manifest);

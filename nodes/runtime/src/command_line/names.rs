@@ -96,6 +96,17 @@ impl Names {
         self.fully_qualified()[1..].replace('/', ".")
     }
 
+    /// What stands before the names of the machine's frames, so that two machines have frames
+    /// of their own in one `/tf`: `wanted`, or the namespace (`cell/mill/`) if that is empty.
+    /// `/` is no prefix.
+    pub fn frame_prefix(&self, wanted: &str) -> String {
+        match (wanted, &self.namespace[1..]) {
+            ("/", _) | ("", "") => String::new(),
+            ("", namespace) => format!("{namespace}/"),
+            (wanted, _) => wanted.to_owned(),
+        }
+    }
+
     /// The absolute name that `name` stands for: relative to the namespace,
     /// `~/` to the node; then the first rule for it is applied, once. Rules for
     /// topics or for services alone do not count.
@@ -207,6 +218,25 @@ mod tests {
 
     fn rule(from: &str, to: &str) -> Remap {
         Remap::new(from, to)
+    }
+
+    #[test]
+    fn a_namespace_is_prefix_enough_for_the_frames_of_a_machine() {
+        // The namespace, the parameter, the prefix.
+        let table = [
+            ("/", "", ""),
+            ("/", "left_", "left_"),
+            ("/mill", "", "mill/"),
+            ("/cell/mill", "", "cell/mill/"),
+            ("/cell/mill", "left_", "left_"),
+            ("/cell/mill", "/", ""),
+            ("/", "/", ""),
+        ];
+        for (namespace, wanted, expected) in table {
+            let names = Names::new("axis_driver", &[Remap::new("__ns", namespace)]);
+            let prefix = names.expect("valid").frame_prefix(wanted);
+            assert_eq!(prefix, expected, "{namespace} {wanted:?}");
+        }
     }
 
     #[test]

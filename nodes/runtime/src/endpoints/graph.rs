@@ -7,7 +7,7 @@
 use crate::endpoints::wire::Gid;
 use futures::StreamExt;
 use rustdds::{DomainParticipant, DomainParticipantStatusEvent as Event, GUID, StatusEvented};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
@@ -27,7 +27,8 @@ pub(crate) struct Graph {
 struct Peers {
     /// Remote endpoints by local endpoint, with the time of the match.
     matched: BTreeMap<Gid, BTreeMap<Gid, Instant>>,
-    participants: BTreeSet<[u8; 12]>,
+    /// Their DDS vendors.
+    participants: BTreeMap<[u8; 12], [u8; 2]>,
 }
 
 impl Graph {
@@ -49,6 +50,11 @@ impl Graph {
         let peers = self.peers();
         let remotes = peers.matched.get(&local).into_iter().flat_map(BTreeMap::keys);
         remotes.filter(|remote| remote.participant() == participant).copied().collect()
+    }
+
+    /// The DDS vendors of the other participants.
+    pub(crate) fn vendors(&self) -> Vec<[u8; 2]> {
+        self.peers().participants.values().copied().collect()
     }
 
     /// Wakes at every change, without saying what has changed.
@@ -117,19 +123,12 @@ impl Graph {
                 }
             }
             Event::ParticipantDiscovered { dpd } => {
-                let is_new = peers.participants.insert(Gid::from(dpd.guid).participant());
-                if is_new && peers.participants.len() == LOOPBACK_PARTICIPANTS_MAX {
-                    tracing::warn!(
-                        "{} participants in this ROS domain: on the loopback interface alone \
-                         no more than {LOOPBACK_PARTICIPANTS_MAX} find each other; stop some, or \
-                         use another ROS_DOMAIN_ID, or ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
-                        peers.participants.len() + 1
-                    );
-                }
+                let participant = Gid::from(dpd.guid).participant();
+                peers.participants.insert(participant, dpd.vendor_id.as_bytes());
             }
             Event::ParticipantLost { id, .. } => {
                 let prefix: &[u8] = id.as_ref();
-                peers.participants.retain(|known| known != prefix);
+                peers.participants.retain(|known, _| known != prefix);
                 for remotes in peers.matched.values_mut() {
                     remotes.retain(|remote, _| remote.participant() != *prefix);
                 }

@@ -10,6 +10,7 @@ pub(crate) mod client;
 pub(crate) mod error;
 pub(crate) mod graph;
 pub(crate) mod node;
+mod other_middleware;
 pub(crate) mod publisher;
 pub(crate) mod qos;
 pub(crate) mod raw;

@@ -11,6 +11,7 @@ use crate::command_line::names::{Names, Scope};
 use crate::endpoints::client::{Client, Endpoints};
 use crate::endpoints::error::{NodeError, failed};
 use crate::endpoints::graph::Graph;
+use crate::endpoints::other_middleware::mismatch;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::qos::Qos;
 use crate::endpoints::service::{
@@ -75,6 +76,12 @@ impl Handle {
     /// The settings from the environment.
     pub fn environment(&self) -> &Environment {
         &self.inner.environment
+    }
+
+    /// A sentence about participants, seen so far, of another middleware than this node's: topics
+    /// of theirs arrive, services do not.
+    pub fn other_middleware(&self) -> Option<String> {
+        mismatch(self.inner.environment.mapping, self.inner.graph.vendors())
     }
 
     /// ROS time: the wall clock, or `/clock` with `use_sim_time`.
@@ -164,8 +171,7 @@ impl Handle {
         qos: Qos,
     ) -> Result<Subscription<T>, NodeError> {
         let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
-        let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
-        Ok(Subscription::new(self.reader(name, &dds_name, &dds_type, qos, false)?))
+        Ok(Subscription::new(self.ros_reader(&name, type_name, qos)?))
     }
 
     /// Offers a service; requests are answered one after the other, in order.
@@ -314,6 +320,17 @@ impl Handle {
             .create_topic(topic.to_owned(), dds_type.to_owned(), &qos.policies(), TopicKind::NoKey)
             .map_err(|error| failed(topic, &error))?;
         make(&topic)
+    }
+
+    /// Makes a reader on an absolute ROS topic, for samples of any type.
+    pub(crate) fn ros_reader(
+        &self,
+        name: &str,
+        type_name: &str,
+        qos: Qos,
+    ) -> Result<Reader, NodeError> {
+        let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
+        self.reader(name.to_owned(), &dds_name, &dds_type, qos, false)
     }
 
     fn reader(

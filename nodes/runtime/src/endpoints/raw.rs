@@ -1,25 +1,22 @@
 //! Discovers topics, and reads and writes their samples as bytes, without types.
 //!
 //! For a recorder. A sample is handed on as it came, with the four bytes that
-//! name its encoding in front, which is what a bag holds.
+//! name its encoding in front, which is what a bag holds. Subscriptions are those of the node:
+//! `ros2 topic info -v` names it.
 
 use crate::command_line::names::Scope;
 use crate::endpoints::error::{NodeError, failed};
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Drops;
 use crate::endpoints::qos::Qos;
-use crate::endpoints::subscription::SampleInfo;
+use crate::endpoints::subscription::{Reader, SampleInfo, sample_info};
 use crate::endpoints::wire::{Gid, ros_type};
-use crate::process::time::RosTime;
 use crate::rustdds::padded::Padded;
-use futures::StreamExt;
+use crate::rustdds::received::{ByteOrder, Received};
+use rustdds::Timestamp;
 use rustdds::dds::CreateError;
-use rustdds::no_key::{DataWriterCdr, Decode, DefaultDecoder, DeserializerAdapter};
-use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
+use rustdds::no_key::DataWriterCdr;
 use rustdds::policy::{Durability, Reliability};
-use rustdds::{RepresentationIdentifier, Timestamp};
-use std::convert::Infallible;
-use std::pin::pin;
 
 /// A publisher of another node, as it announced itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -51,7 +48,7 @@ pub struct RawSample {
 /// A subscription of bytes; it lives as long as the value.
 pub struct RawSubscription {
     topic: String,
-    reader: SimpleDataReader<Payload, Verbatim>,
+    reader: Reader,
 }
 
 /// A publisher of bytes.
@@ -109,11 +106,7 @@ impl Handle {
         qos: Qos,
     ) -> Result<RawSubscription, NodeError> {
         let name = self.names().resolve_as(topic, Scope::Topic)?;
-        let failed = |reason: CreateError| failed(&name, &reason);
-        let subscriber = self.participant().create_subscriber(&qos.policies()).map_err(failed)?;
-        let reader = self.ros_endpoint(&name, type_name, qos, |dds| {
-            subscriber.create_simple_datareader_no_key(dds, None).map_err(failed)
-        })?;
+        let reader = self.ros_reader(&name, type_name, qos)?;
         Ok(RawSubscription { topic: name, reader })
     }
 
@@ -141,14 +134,8 @@ impl RawSubscription {
     /// The next sample, in the order of arrival. Never ends by itself; may be
     /// dropped while it waits without losing a sample.
     pub async fn next(&mut self) -> RawSample {
-        loop {
-            let mut stream = pin!(self.reader.as_async_stream());
-            match stream.select_next_some().await {
-                Ok(change) => return sample(change),
-                // An encoding that DDS does not know at all.
-                Err(error) => tracing::warn!("{}: {error}", self.topic),
-            }
-        }
+        let (received, info) = self.reader.next_received().await;
+        RawSample { bytes: encapsulated(&received), info: sample_info(&info) }
     }
 
     /// The absolute name of the topic.
@@ -158,7 +145,7 @@ impl RawSubscription {
 
     /// The endpoint's own address.
     pub fn gid(&self) -> Gid {
-        self.reader.guid().into()
+        self.reader.gid()
     }
 }
 
@@ -184,23 +171,16 @@ impl RawPublisher {
     }
 }
 
-fn sample(change: DeserializedCacheChange<Payload>) -> RawSample {
-    let time = |stamp: Timestamp| {
-        ros2_client::ROSTime::try_from(stamp)
-            .map_or(RosTime::ZERO, |time| RosTime::from_nanos(time.to_nanos()))
+/// A payload with its encoding in front: CDR, little-endian or big-endian.
+fn encapsulated(received: &Received) -> Vec<u8> {
+    let order = match received.order {
+        ByteOrder::Big => 0,
+        ByteOrder::Little => 1,
     };
-    let info = SampleInfo {
-        publisher: change.writer_guid().into(),
-        sequence: change.sequence_number.into(),
-        source_time: change.source_timestamp().map(time),
-        reception_time: time(change.receive_instant),
-    };
-    let payload = change.into_value();
-    let mut bytes = Vec::with_capacity(payload.bytes.len() + 4);
-    bytes.extend_from_slice(&payload.encoding);
-    bytes.extend_from_slice(&[0, 0]);
-    bytes.extend_from_slice(&payload.bytes);
-    RawSample { bytes, info }
+    let mut bytes = Vec::with_capacity(received.bytes.len() + 4);
+    bytes.extend_from_slice(&[0, order, 0, 0]);
+    bytes.extend_from_slice(&received.bytes);
+    bytes
 }
 
 /// `typehash=RIHS01_...;` in the data that a ROS middleware adds to an
@@ -210,64 +190,6 @@ fn type_hash(user_data: &[u8]) -> Option<String> {
     let (_, rest) = text.split_once("typehash=")?;
     let (hash, _) = rest.split_once(';')?;
     hash.starts_with("RIHS01_").then(|| hash.to_owned())
-}
-
-/// Bytes as they are, with their encoding.
-struct Payload {
-    encoding: [u8; 2],
-    bytes: Vec<u8>,
-}
-
-/// Reads [`Payload`].
-struct Verbatim;
-
-#[derive(Clone)]
-struct VerbatimDecoder;
-
-impl DeserializerAdapter<Payload> for Verbatim {
-    type Error = Infallible;
-    type Decoded = Payload;
-
-    fn supported_encodings() -> &'static [RepresentationIdentifier] {
-        use RepresentationIdentifier as Encoding;
-        &[
-            Encoding::CDR_LE,
-            Encoding::CDR_BE,
-            Encoding::PL_CDR_LE,
-            Encoding::PL_CDR_BE,
-            Encoding::CDR2_LE,
-            Encoding::CDR2_BE,
-            Encoding::PL_CDR2_LE,
-            Encoding::PL_CDR2_BE,
-            Encoding::D_CDR_LE,
-            Encoding::D_CDR_BE,
-            Encoding::XCDR2_LE,
-            Encoding::XCDR2_BE,
-            Encoding::D_CDR2_LE,
-            Encoding::D_CDR2_BE,
-        ]
-    }
-
-    fn transform_decoded(decoded: Payload) -> Payload {
-        decoded
-    }
-}
-
-impl DefaultDecoder<Payload> for Verbatim {
-    type Decoder = VerbatimDecoder;
-    const DECODER: VerbatimDecoder = VerbatimDecoder;
-}
-
-impl<'de> Decode<'de, Payload> for VerbatimDecoder {
-    type Error = Infallible;
-
-    fn decode_bytes(
-        self,
-        bytes: &'de [u8],
-        encoding: RepresentationIdentifier,
-    ) -> Result<Payload, Infallible> {
-        Ok(Payload { encoding: encoding.to_bytes(), bytes: bytes.to_vec() })
-    }
 }
 
 impl std::fmt::Debug for RawSubscription {
@@ -285,6 +207,13 @@ impl std::fmt::Debug for RawPublisher {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_encoding_of_a_sample_names_its_byte_order() {
+        let of = |order| encapsulated(&Received { bytes: vec![7, 8], order });
+        assert_eq!(of(ByteOrder::Little), [0, 1, 0, 0, 7, 8]);
+        assert_eq!(of(ByteOrder::Big), [0, 0, 0, 0, 7, 8]);
+    }
 
     #[test]
     fn the_type_hash_is_found_after_its_length() {

@@ -1,0 +1,102 @@
+"""The programs in the documentation do what their pages say, as printed, with real rclpy."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from machine import ROOT, Machine, die_with_parent
+
+# A square of 40 mm around which T1 goes on the left, then a line with T2.
+PART = '''G21 G90 G94 G17
+T1 M6
+G0 X0 Y0
+G41 G1 X20 Y20 F3000
+Y60
+X60
+Y20
+X20
+G40 X0 Y0
+T2 M6
+G1 X10 F3000
+M30
+'''
+TOOLS = '''tools:
+  1: {diameter_mm: 6.0}  # the mill
+  2: {diameter_mm: 3.0}
+'''
+
+
+@pytest.fixture(scope='module')
+def machine():
+    """Slower than the other: it is held in the middle of a part."""
+    made = Machine(time_factor=4, tools=TOOLS, rmw='rmw_fastrtps_cpp').until_idle()
+    yield made
+    made.stop()
+
+
+def program_of(page):
+    """The first Python program on a page."""
+    text = (ROOT / page).read_text()
+    return re.search(r'^```python\n(.*?)^```$', text, re.DOTALL | re.MULTILINE).group(1)
+
+
+def start(machine, program, *words):
+    """Runs a program in the namespace of the machine."""
+    path = machine.file('program.py', program)
+    environment = os.environ | {'ROS_DOMAIN_ID': str(machine.domain_id)}
+    return subprocess.Popen(
+        [sys.executable, '-B', path, *words, '--ros-args', '-r', f'__ns:={machine.namespace}'],
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        preexec_fn=as_in_a_terminal)
+
+
+def as_in_a_terminal():
+    """Ctrl-C counts, also where the tests themselves were started to ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    die_with_parent()
+
+
+def test_the_commander_of_the_guide_cuts_two_parts(machine):
+    path = machine.file('part.ngc', PART)
+    child = start(machine, program_of('docs/commanding.md'), path)
+    said, _ = child.communicate(timeout=180)
+    assert child.returncode == 0, said
+    assert said.count('held in line') == 1
+    assert [said.count(f'the robot puts T{tool} in') for tool in (1, 2)] == [2, 2], said
+    assert 'both parts are done' in said
+    # The correction is kept in the tool file.
+    assert '-0.04' in (machine.folder / 'tools.yaml').read_text()
+
+
+def test_the_commander_says_why_a_program_is_refused(machine):
+    path = machine.file('bad.ngc', 'G21\nG99.7 X1\nM30\n')
+    child = start(machine, program_of('docs/commanding.md'), path)
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == 1, said
+    assert 'bad.ngc is refused' in said and 'Traceback' not in said
+
+
+def test_ctrl_c_cancels_the_run_of_the_commander(machine):
+    path = machine.file('slow.ngc', 'G21 G90\nG0 X10\n' + 'G1 X110 F600\nX10\n' * 9 + 'M30\n')
+    child = start(machine, program_of('docs/commanding.md'), path)
+    # It has its goal's answer with the first feedback.
+    while 'line' not in child.stdout.readline():
+        assert child.poll() is None
+    child.send_signal(signal.SIGINT)
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == 1, said
+    assert 'the run is canceled' in said and '(code 313,' in said
+
+
+def test_the_first_program_of_the_documents_runs(machine):
+    path = machine.file('bracket.ngc', 'G21 G90\nG0 X5\nG1 X15 F3000\nM30\n')
+    program = program_of('docs/ros.md').replace('/parts/bracket.ngc', path)
+    assert path in program
+    child = start(machine, program)
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == 0, said
+    assert said.strip().endswith('done')

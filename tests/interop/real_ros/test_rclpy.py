@@ -1,0 +1,139 @@
+"""The machine as rclpy sees it, with messages that colcon has built from `msgs/`."""
+
+import math
+import time
+
+import pytest
+from cnc_msgs.action import RunProgram
+from cnc_msgs.msg import (
+    CompensatedPath, CompensationReport, ControllerSettings, MachineState, NodeParameters,
+    Program, ProgrammedContour, Recording, ToolTable,
+)
+from cnc_msgs.srv import LoadProgram
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.msg import Log
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_srvs.srv import Trigger
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+EVERY_STATE = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+NODES = ('program_loader', 'compensation_planner', 'axis_driver', 'run_recorder')
+
+# Six times there and back, 100 mm at 20 mm/s: six seconds of a machine in a hurry.
+SLOW = 'G21 G90 G94 G17\nG0 X10 Y10\nG1 X110 F1200\nX10\n' + 'X110\nX10\n' * 5 + 'M30\n'
+
+
+def load(peer, text, name):
+    """Loads a program and waits until it can be run."""
+    answer = peer.call(LoadProgram, 'load_program', text=text, name=name)
+    assert answer.success, answer.message
+    paths = peer.listen(CompensatedPath, 'compensated_path', LATCHED)
+    peer.until('the path', lambda: any(it.program_id == answer.program_id for it in paths))
+    return answer
+
+
+def test_every_node_is_in_the_graph_active_and_has_described_parameters(machine, peer):
+    def names():
+        found = peer.node.get_node_names_and_namespaces()
+        return {name for name, namespace in found if namespace == machine.namespace}
+    peer.until('all nodes', lambda: names().issuperset(NODES))
+    for name in NODES:
+        assert peer.call(GetState, f'{name}/get_state').current_state.id == \
+            State.PRIMARY_STATE_ACTIVE
+        listed = peer.call(ListParameters, f'{name}/list_parameters').result.names
+        assert 'use_sim_time' in listed
+        described = peer.call(DescribeParameters, f'{name}/describe_parameters', names=listed)
+        assert all(it.description for it in described.descriptors), name
+        values = peer.call(GetParameters, f'{name}/get_parameters', names=listed).values
+        assert len(values) == len(listed)
+
+
+@pytest.mark.parametrize('kind, topic', [
+    (Program, 'program'),
+    (ProgrammedContour, 'programmed_contour'),
+    (CompensatedPath, 'compensated_path'),
+    (CompensationReport, 'compensation_report'),
+    (ToolTable, 'tool_table'),
+    (MachineState, 'machine_state'),
+    (ControllerSettings, 'controller_settings'),
+    (Recording, 'recording'),
+    (NodeParameters, 'node_parameters'),
+])
+def test_who_comes_late_gets_all_that_is_latched(peer, kind, topic):
+    load(peer, SLOW, 'slow.ngc')
+    heard = peer.listen(kind, topic, LATCHED)
+    peer.until(topic, lambda: heard)
+
+
+def test_the_recorder_is_named_as_a_subscriber(machine, peer):
+    topic = f'{machine.namespace}/machine_state'
+
+    def subscribers():
+        found = peer.node.get_subscriptions_info_by_topic(topic)
+        return {(it.node_name, it.node_namespace) for it in found}
+    peer.until('the recorder', lambda: ('run_recorder', machine.namespace) in subscribers())
+    of_recorder = dict(peer.node.get_subscriber_names_and_types_by_node(
+        'run_recorder', machine.namespace))
+    assert of_recorder[topic] == ['cnc_msgs/msg/MachineState']
+
+
+def test_no_bound_of_a_program_without_z_is_an_infinity(peer):
+    answer = load(peer, 'G21 G90\nG0 X5 Y1\nG1 X40 F600\nM30\n', 'flat.ngc')
+    corners = [answer.bounds_min, answer.bounds_max]
+    assert [round(it.x, 6) for it in corners] == [0.005, 0.04]
+    assert all(math.isnan(it.z) for it in corners)
+    contours = peer.listen(ProgrammedContour, 'programmed_contour', LATCHED)
+    peer.until('the contour', lambda: any(
+        it.program_id == answer.program_id and math.isnan(it.bounds_min.z) for it in contours))
+
+
+def test_the_reason_of_a_rejected_goal_is_on_rosout(machine, peer):
+    heard = []
+    peer.node.create_subscription(
+        Log, '/rosout', lambda log: heard.append((time.monotonic(), log)), 100)
+    client = ActionClient(peer.node, RunProgram, 'run_program')
+    peer.until('the action', client.server_is_ready)
+    peer.until('the log of the driver', lambda: peer.node.count_publishers('/rosout') >= 4)
+    goal = peer.result('a decision', client.send_goal_async(
+        RunProgram.Goal(program_id='0123456789abcdef')))
+    decided = time.monotonic()
+    assert not goal.accepted
+
+    def reasons():
+        return [(at, it) for at, it in heard if 'is rejected: ' in it.msg]
+    [(at, reason)] = peer.until('the reason', reasons)
+    assert reason.level == Log.WARN
+    assert reason.name.endswith('axis_driver')
+    assert '0123456789abcdef' in reason.msg
+    # On a busy host the reader may be slow.
+    assert at - decided < 2.0
+    client.destroy()
+
+
+def test_a_resume_right_after_hold_is_not_refused(peer):
+    """Whoever has seen HOLD may press resume, also while the machine slows down."""
+    load(peer, SLOW, 'slow.ngc')
+    states = peer.listen(MachineState, 'machine_state', EVERY_STATE)
+    client = ActionClient(peer.node, RunProgram, 'run_program')
+    peer.until('the action', client.server_is_ready)
+    goal = peer.result('a decision', client.send_goal_async(RunProgram.Goal()))
+    assert goal.accepted
+    ended = goal.get_result_async()
+    for _ in range(10):
+        peer.until('the run', lambda: states[-1].state == MachineState.STATE_RUN or ended.done())
+        if ended.done():
+            break
+        states.clear()
+        assert peer.call(Trigger, 'feed_hold').success
+        peer.until('a hold', lambda: any(it.state == MachineState.STATE_HOLD for it in states)
+                   or ended.done())
+        if ended.done():
+            break
+        answer = peer.call(Trigger, 'resume')
+        assert answer.success, answer.message
+        states.append(MachineState())
+    assert peer.result('the end', ended).result.outcome == RunProgram.Result.OUTCOME_SUCCEEDED
+    client.destroy()
