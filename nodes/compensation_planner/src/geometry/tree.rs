@@ -10,6 +10,7 @@ use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::NO_CHAIN;
 use crate::geometry::element::Element;
 use crate::geometry::tolerance::LENGTH_MM;
+use std::cell::Cell;
 use std::ops::{ControlFlow, Range};
 
 /// Boxes that may be visited for each element, plus a constant.
@@ -309,19 +310,18 @@ fn search_all(
     if !a.is_flat && !b.is_flat {
         return search([a.boxes(), b.boxes()], reach, budget, visit);
     }
-    let mut is_over = false;
+    let is_over = Cell::new(false);
     let mut visit = |a: &Leaf, b: &Leaf| {
         let next = visit(a, b);
-        is_over |= next.is_break();
+        is_over.set(next.is_break());
         next
     };
     let flat = if a.is_flat { a } else { b };
-    let is_complete = flat.leaves.iter().all(|leaf| {
+    flat.leaves.iter().all(|leaf| {
         let one = Boxes::of_one(leaf);
         let pair = if a.is_flat { [one, b.boxes()] } else { [a.boxes(), one] };
-        search(pair, reach, budget, &mut visit)
-    });
-    is_complete
+        is_over.get() || search(pair, reach, budget, &mut visit)
+    })
 }
 
 /// See [`Tree::near_pairs`].
