@@ -3,8 +3,9 @@
 import os
 import subprocess
 
-# What it says of a program without M2, M30 and percent signs; until there it has run it.
-NO_END = "File ended with no percent sign or program end"
+# How what it says of a program without M2, M30 or the last percent sign begins; until there it has
+# run it.
+NO_END = "File ended with no percent sign"
 
 
 class Rs274:

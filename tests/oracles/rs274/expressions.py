@@ -5,7 +5,7 @@ import math
 # From strongest to weakest; from left to right in each.
 LEVELS = [["**"], ["*", "/", "MOD"], ["+", "-"], ["EQ", "NE", "GT", "GE", "LT", "LE"],
           ["AND", "OR", "XOR"]]
-WEAK_MM = 1e-6
+NEARLY = 1e-6
 
 
 def apply(operator, a, b):
@@ -31,7 +31,7 @@ def apply(operator, a, b):
         value = float({"AND": one and two, "OR": one or two, "XOR": one != two}[operator])
     else:
         # Nearly equal values are no test.
-        if 0.0 < abs(a - b) < WEAK_MM:
+        if 0.0 < abs(a - b) < NEARLY:
             return None
         value = float({"EQ": a == b, "NE": a != b, "GT": a > b, "GE": a >= b, "LT": a < b,
                        "LE": a <= b}[operator])
@@ -107,8 +107,9 @@ def function(rng, name, x):
         return None
     # Where rounding decides.
     near = abs(value - round(value))
-    if name in ("FIX", "FUP") and 0.0 < near < WEAK_MM or name == "ROUND" and abs(near - 0.5) < WEAK_MM and \
-            value * 4.0 != round(value * 4.0):
+    if name in ("FIX", "FUP") and 0.0 < near < NEARLY:
+        return None
+    if name == "ROUND" and abs(near - 0.5) < NEARLY and value * 4.0 != round(value * 4.0):
         return None
     result = {
         "SIN": lambda: math.sin(math.radians(value)), "COS": lambda: math.cos(math.radians(value)),

@@ -5,6 +5,7 @@ same. What is written is valid, but for the features of bad_input.py.
 """
 
 import math
+import re
 
 from expressions import LEVELS, FUNCTIONS, apply, cased, expression, flat, function, number, written
 from program import Program, length
@@ -129,7 +130,7 @@ def in_words(program, rng):
     program.add(f"#1={rng.randint(1, 9)} #2={rng.randint(1, 9)}.5 #<a b>=3")
     for _ in range(8):
         program.add(rng.choice([
-            f"G[{rng.randint(0, 1)}] X[#1 + 1] Y-#2", "G#1" if False else "G1 X#1 Y+#2 Z-[#1]",
+            f"G[{rng.randint(0, 1)}] X[#1 + 1] Y-#2", "G1 X#1 Y+#2 Z-[#1]",
             f"F[#1 * 100] G1 X-[#1 * {rng.randint(1, 5)}]", f"S[#1 * 1000] M[1 + 2]",
             f"G4 P[#2 / 10]", f"T[{rng.randint(1, 3)} + 1]", f"G0 X-#1 Y-#2 Z#<a b>",
             f"G0 x #1 y [ #2 * 2 ]", f"G0 X##1", f"G1 X[-#1] Y[+#2] Z[- [#1]]",
@@ -236,8 +237,8 @@ def predefined(program, rng):
 
 def loop_value(rng):
     """A value that is known at no time, but always is in the domain."""
-    return rng.choice(["#1", "#2", "[#1 + 1]", "[#2 * 2]", "[#1 - #2]", "SIN[#1 * 29 + 1]", "[#1 MOD 3]",
-                       "ABS[#2]", "[#1 / [ABS[#2] + 1]]", "SQRT[ABS[#1]]", "ROUND[#2]"])
+    return rng.choice(["#1", "#2", "[#1 + 1]", "[#2 * 2]", "[#1 - #2]", "SIN[#1 * 29 + 1]",
+                       "[#1 MOD 3]", "ABS[#2]", "[#1 / [ABS[#2] + 1]]", "SQRT[ABS[#1]]", "ROUND[#2]"])
 
 
 def condition(rng):
@@ -339,7 +340,7 @@ class Flow:
             self.line(depth, f"{label} while [{counter} LT {times}]")
 
 
-def flow_of(kinds, count):
+def flow_of(kinds):
     def generator(program, rng):
         flow = Flow(program, rng)
         program.add("#1=0 #2=1")
@@ -362,9 +363,9 @@ def flow_of(kinds, count):
     return generator
 
 
-feature("flow if", 120)(flow_of(["if"], 0))
-feature("flow while", 120)(flow_of(["while"], 0))
-feature("flow do", 120)(flow_of(["do"], 0))
+feature("flow if", 120)(flow_of(["if"]))
+feature("flow while", 120)(flow_of(["while"]))
+feature("flow do", 120)(flow_of(["do"]))
 
 
 @feature("flow break out of while, then do", 2)
@@ -375,7 +376,7 @@ def while_then_do(program, rng):
 
 
 
-feature("flow repeat", 120)(flow_of(["repeat"], 0))
+feature("flow repeat", 120)(flow_of(["repeat"]))
 
 
 @feature("flow do and continue", 20)
@@ -451,7 +452,7 @@ def indirect(program, rng):
         program.add(f"o{n} sub", f"  G1 X[#1 + {n}]", f"o{n} endsub")
     program.add(f"#5={rng.choice([200, 201, 202])}", f"o#5 call [{rng.randint(1, 9)}]")
     program.add(f"o[200 + {rng.randint(0, 2)}] call [{rng.randint(1, 9)}]")
-    program.add(f"#<n>=201 o#<n> call [1]" if False else "#<n>=201", "o#<n> call [1]")
+    program.add("#<n>=201", "o#<n> call [1]")
     program.scales = False
 
 
@@ -789,7 +790,6 @@ def rounded(program, rng):
         at = (round(rng.uniform(-20, 20), 3), round(rng.uniform(-20, 20), 3))
         axes = PLANES[plane]
         text, _ = arc_words(rng, plane, at, rng.random() < 0.3)
-        import re
         text = re.sub(r"\{L([-\d.]+)\}", lambda it: f"{{L{round(float(it[1]), 3):g}}}", text)
         program.add(plane, "G0 " + " ".join(f"{axis}{length(it)}" for axis, it in zip(axes, at)))
         program.add(text)
@@ -934,7 +934,6 @@ def modal(program, rng):
         if "G80" not in words:
             words += ["G0"] + axis_words(rng).split()
         rng.shuffle(words)
-        program.add(rng.choice([" ", ""]).join(words) if all("#" not in it for it in words)
-                    else " ".join(words))
+        program.add(rng.choice([" ", ""]).join(words))
         # LinuxCNC forgets F at G94.
         program.add(f"F{rng.randint(1, 9)}00", move(rng), axis_words(rng))
