@@ -29,7 +29,8 @@ pub fn with_subroutines(
     loop {
         // One after the other: a file may define what the next one would have been read for.
         let map = FlowMap::of(&text, &mut Findings::default());
-        let missing = map.undefined_calls().find(|name| is_file_name(name) && !asked.contains(*name));
+        let missing =
+            map.undefined_calls().find(|name| is_file_name(name) && !asked.contains(*name));
         let Some(name) = missing.map(str::to_owned) else { return text };
         if asked.len() < LIBRARY_FILES_MAX
             && let Some(file) = read(&name)
