@@ -12,6 +12,8 @@ DIFFERENCES = [
      "COS[90] is 0, and not a hair below, where FIX and FUP would show it"),
     (r"^flow break out of while, then do", "differ", r"only Kerf has it|aside|not of one kind",
      "after a break out of a while, LinuxCNC runs the next do only once"),
+    (r"^saved state", "differ", r"another feed",
+     "M72 restores the feed; LinuxCNC restores its number, also in the other unit"),
     (r"^units and F in one block", "differ", r"another feed",
      "F counts in the unit of its own block; in LinuxCNC, in that of the block before"),
     (r"^(program ends|percent signs)", "Kerf takes", r"Bad character '%'",

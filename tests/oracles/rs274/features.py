@@ -253,7 +253,7 @@ class Flow:
         self.program, self.rng = program, rng
         self.labels = 100
         self.budget = 40
-        self.does, self.repeats = set(), 0
+        self.does = set()
         # After a break out of a while, LinuxCNC runs the next do only once.
         self.has_break = rng.random() < 0.5
 
@@ -284,11 +284,9 @@ class Flow:
             if in_loop:
                 label = self.label()
                 self.line(depth, f"{label} if {condition(rng)}")
-                # After a continue of a do in a repeat, LinuxCNC's repeat does not end.
+                # After a continue of a do, LinuxCNC goes astray in the loops around and behind it.
                 words = ["break"] if in_loop in self.does else ["continue"]
                 if in_loop not in self.does and self.has_break:
-                    words = ["break", "continue"]
-                elif in_loop in self.does and not self.repeats:
                     words = ["break", "continue"]
                 self.line(depth + 1, f"{in_loop} {rng.choice(words)}")
                 self.line(depth, f"{label} endif")
@@ -320,9 +318,7 @@ class Flow:
         if kind == "repeat":
             self.line(depth, f"{label} repeat [{rng.randint(0, 4)}]")
             # It has neither break nor continue.
-            self.repeats += 1
             self.block(depth + 1, None, in_sub)
-            self.repeats -= 1
             self.line(depth, f"{label} endrepeat")
             return
         self.line(depth, f"{counter}=0")
