@@ -27,9 +27,11 @@ use std::ops::ControlFlow;
 /// Findings of this kind in a program; more help nobody.
 const FINDINGS_MAX: usize = 100;
 
-/// What identifies a part: a plane, the number of a work coordinate system, and how often such a
-/// system has been moved.
-type Part = (Plane, u8, u32);
+/// The number of a work coordinate system, and how often such a system has been moved.
+type Frame = (u8, u32);
+
+/// What identifies a part: a plane and a frame.
+type Part = (Plane, Frame);
 
 /// The contours of the spans so far.
 #[derive(Debug)]
@@ -40,8 +42,7 @@ pub(crate) struct EarlierSpans<'a> {
     /// Where they are, and which contour each is.
     places: SpanIndex,
     known: BTreeMap<Contour, usize>,
-    work_system: u8,
-    systems_moved: u32,
+    frame: Frame,
     /// Boxes that may still be visited.
     budget: usize,
     /// How many findings may still be reported.
@@ -64,7 +65,7 @@ struct SpanWalls {
 type Fingerprint = (usize, u64);
 
 /// What identifies a contour: the axis of its tool, its work coordinate system, and its walls.
-type Contour = (usize, u8, Fingerprint);
+type Contour = (usize, Frame, Fingerprint);
 
 #[derive(Debug, Clone, Copy)]
 struct Wall {
@@ -91,8 +92,7 @@ impl<'a> EarlierSpans<'a> {
             left: Vec::new(),
             places: SpanIndex::default(),
             known: BTreeMap::new(),
-            work_system: 1,
-            systems_moved: 0,
+            frame: (1, 0),
             budget: budget(0),
             findings_left: FINDINGS_MAX,
         }
@@ -101,8 +101,8 @@ impl<'a> EarlierSpans<'a> {
     /// Follows the work coordinate system.
     pub(crate) fn action(&mut self, action: &Action) {
         match action {
-            Action::WorkOffset { system } => self.work_system = *system,
-            Action::SetWorkOffset { .. } => self.systems_moved += 1,
+            Action::WorkOffset { system } => self.frame.0 = *system,
+            Action::SetWorkOffset { .. } => self.frame.1 += 1,
             _ => {}
         }
     }
@@ -116,7 +116,7 @@ impl<'a> EarlierSpans<'a> {
         profile: &Profile,
         said: &[Finding],
     ) -> Option<Finding> {
-        let part = (span.plane, self.work_system, self.systems_moved);
+        let part = (span.plane, self.frame);
         for item in &span.items {
             if let ItemKind::Action(action) = &item.what {
                 self.action(action);
@@ -267,8 +267,8 @@ impl SpanWalls {
     }
 
     fn contour(&self) -> Contour {
-        let (plane, system) = self.part;
-        (plane.axes()[2], system, self.fingerprint)
+        let (plane, frame) = self.part;
+        (plane.axes()[2], frame, self.fingerprint)
     }
 
     fn tree(&self) -> &Tree {
