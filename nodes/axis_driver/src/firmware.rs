@@ -81,8 +81,6 @@ pub struct Traits {
     pub error_lasts: bool,
     /// It has an M6 of its own.
     pub has_tool_change: bool,
-    /// It has G59.1 to G59.3.
-    pub has_nine_work_systems: bool,
     /// A request of its own brings what ordinary reports may leave out.
     pub has_full_report: bool,
     /// It homes the axes one by one on demand, whatever its options say.

@@ -41,7 +41,9 @@ pub(crate) struct Flow<'t> {
     /// The main program, then each subroutine that is running.
     frames: Vec<Frame>,
     executed: u64,
-    reported: BTreeSet<(u32, u16, Code)>,
+    /// The program that M98 has jumped to.
+    entering: Option<usize>,
+    reported: BTreeSet<(u32, u16, Code, bool)>,
 }
 
 /// The main program or a subroutine.
@@ -91,6 +93,7 @@ impl<'t> Flow<'t> {
             limits,
             frames: vec![Frame::default()],
             executed: 0,
+            entering: None,
             reported: BTreeSet::new(),
         }
     }
@@ -123,7 +126,9 @@ impl<'t> Flow<'t> {
     pub(crate) fn place(&mut self, findings: &mut Findings, from: usize) {
         let trace = self.trace();
         findings.revise(from, |finding| {
-            let place = (finding.source.line, finding.source.column, finding.code);
+            let source = finding.source;
+            // A warning does not hide an error at the same place.
+            let place = (source.line, source.column, finding.code, finding.is_error());
             if !self.reported.insert(place) {
                 return false;
             }
@@ -185,7 +190,10 @@ impl<'t> Flow<'t> {
         let (at, partner, keyword) = (entry.at, entry.partner, entry.keyword);
         match keyword {
             Keyword::Number => {
-                if world.interpreter.has_begun() && self.depth() == 0 {
+                if self.entering.take() == Some(index) {
+                    return Ok(Next::Block);
+                }
+                if world.interpreter.has_begun() {
                     let name = &entry.name;
                     let message =
                         format!("program O{name} begins before the end of the one before it");
@@ -287,6 +295,7 @@ impl<'t> Flow<'t> {
         }
         let mut at = self.map.entries[index].partner;
         loop {
+            self.executed += 1;
             let entry = &self.map.entries[at];
             let (next, partner, place) = (entry.next, entry.partner, entry.at);
             if entry.keyword != Keyword::ElseIf {
@@ -312,6 +321,7 @@ impl<'t> Flow<'t> {
             parameters: world.parameters,
             interpreter: world.interpreter,
             line: line.number,
+            is_single_block: false,
         };
         let name: Box<str> = match &statement.name {
             Name::Known(name) => name.clone().into(),
@@ -379,8 +389,16 @@ impl<'t> Flow<'t> {
     ) -> Next {
         let name = program.to_string();
         let Some(&entry) = self.map.programs.get(name.as_str()) else {
-            let message = format!("there is no program O{program}");
-            let help = format!("write O{program} ... M99 after the end of the main program");
+            let (message, help) = match self.map.subs.contains_key(name.as_str()) {
+                true => (
+                    format!("O{program} is a subroutine, not a program"),
+                    format!("call it with o{program} call"),
+                ),
+                false => (
+                    format!("there is no program O{program}"),
+                    format!("write O{program} ... M99 after the end of the main program"),
+                ),
+            };
             let source = line.source(None, 0, usize::MAX);
             world.findings.push(Finding::error(Code::Syntax, source, message).help(help));
             return Next::Stop;
@@ -395,11 +413,19 @@ impl<'t> Flow<'t> {
         let repeats = times - 1;
         let call = Call { entry, return_to, line: line.number, saved: None, repeats, pass: 1 };
         self.frames.push(Frame { loops: Vec::new(), call: Some(call) });
+        self.entering = Some(entry);
         Next::Jump(self.map.entries[entry].at)
     }
 
+    /// What is running, if it is not the main program: `O100, called in line 5`.
+    pub(crate) fn running(&self) -> Option<String> {
+        let call = self.frames.last()?.call.as_ref()?;
+        let name = shown(&self.map.entries[call.entry].name);
+        Some(format!("O{name}, called in line {}", call.line))
+    }
+
     /// M99: the end of a program that M98 called. `None` in the main program, which it would begin
-    /// again.
+    /// again, and in a subroutine.
     pub(crate) fn end_program(&mut self) -> Option<Next> {
         let frame = self.frames.last_mut()?;
         let call = frame.call.as_mut().filter(|call| call.saved.is_none())?;
@@ -407,6 +433,7 @@ impl<'t> Flow<'t> {
         if call.repeats > 0 {
             call.repeats -= 1;
             call.pass += 1;
+            self.entering = Some(call.entry);
             return Some(Next::Jump(self.map.entries[call.entry].at));
         }
         let return_to = call.return_to;
@@ -443,16 +470,18 @@ impl<'t> Flow<'t> {
             true => Some(self.value(line, statement, world)?),
             false => None,
         };
-        let frame = self.frames.pop();
-        let Some((call, saved)) = frame
-            .and_then(|frame| frame.call)
-            .and_then(|mut call| Some((call.return_to, call.saved.take()?)))
-        else {
-            return Err(Stopped);
+        let call = self.frames.last_mut().and_then(|frame| frame.call.as_mut());
+        let left = call.and_then(|call| Some((call.return_to, call.saved.take()?)));
+        let Some((return_to, saved)) = left else {
+            let word = statement.keyword.word();
+            let message = format!("{word} ends a subroutine, and none has been called with call");
+            let help = "a program that M98 calls ends with M99";
+            return Err(self.refuse(line, statement, world, Code::Syntax, message, help));
         };
+        self.frames.pop();
         world.parameters.leave(&saved);
         world.parameters.set_returned(returned);
-        Ok(Next::Jump(call))
+        Ok(Next::Jump(return_to))
     }
 
     /// The loops that are running in this subroutine.
@@ -503,6 +532,7 @@ impl<'t> Flow<'t> {
             parameters: world.parameters,
             interpreter: world.interpreter,
             line: line.number,
+            is_single_block: false,
         };
         let at = statement::skip_remarks(line.text, statement.arguments);
         if at >= statement.end {

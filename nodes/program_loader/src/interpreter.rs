@@ -43,6 +43,7 @@ use request::Request;
 pub(crate) use request::code_in_tenths;
 use saved_state::SavedState;
 pub(crate) use saved_state::StateWord;
+use std::cell::Cell;
 
 /// What follows a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -152,6 +153,8 @@ pub(crate) struct Interpreter<'r> {
     /// The place of the current block.
     source: Source,
     has_begun: bool,
+    /// Axes whose position at the start a parameter has read.
+    read_axes: Cell<AxisSet>,
     /// P and L of M98 in the current block.
     called: Option<(u32, u32)>,
     /// The words that M70 or M73 has saved in the main program and in each subroutine that is
@@ -211,6 +214,7 @@ impl<'r> Interpreter<'r> {
             shared: Letters::NONE,
             source: Source::default(),
             has_begun: false,
+            read_axes: Cell::new(AxisSet::NONE),
             called: None,
             saved: vec![None],
             contour,
@@ -288,6 +292,8 @@ impl<'r> Interpreter<'r> {
             && self.modal.plane != plane
         {
             self.modal.plane = plane;
+            // R and the bottom were along another axis.
+            self.end_cycles();
             self.emit(ContourEventKind::Plane(plane));
         }
         if let Some(corner) = self.request.corner {
@@ -329,7 +335,8 @@ impl<'r> Interpreter<'r> {
     }
 
     /// Returns the contour, and the box around it if it has any motion.
-    pub(crate) fn finish(self) -> (ProgrammedContour, Option<Bounds>) {
+    pub(crate) fn finish(mut self) -> (ProgrammedContour, Option<Bounds>) {
+        self.contour.assumed_axes = self.contour.assumed_axes.union(self.read_axes.get());
         (self.contour, (!self.bounds.axes.is_empty()).then_some(self.bounds))
     }
 

@@ -87,7 +87,7 @@ impl Lexer<'_> {
                 self.at = end_of_alphanumeric(text, start);
                 return;
             }
-            return self.o_word(start, digits);
+            return self.o_word(digits);
         }
         if let Some((value, end)) = number::read_simple(text, digits) {
             self.at = end;
@@ -98,7 +98,7 @@ impl Lexer<'_> {
 
     /// A program number at the beginning; `flow` has read it already.
     #[cold]
-    fn o_word(&mut self, start: usize, digits: usize) {
+    fn o_word(&mut self, digits: usize) {
         if !self.rules.parameters {
             return self.rest(
                 Code::Unsupported,
@@ -116,7 +116,6 @@ impl Lexer<'_> {
         }
         self.block.has_remark |= self.has_begun;
         self.at = digits + length;
-        let _ = start;
     }
 
     /// A word whose value is an expression: `X[#1+2]`, `Z-#<depth>`, `YSIN[30]`.

@@ -11,8 +11,8 @@
 //!
 //! Where RS-274 leaves a choice, the loader decides: F is in the units of its own block (grbl).
 //! The radii of an arc may differ as LinuxCNC allows, but never by more than grbl allows. `G80`
-//! may be in a block with G0 to G3. `G41 D0` is the tool in the spindle (LinuxCNC). G64, G61,
-//! G94, G97, G98 and G99 are accepted and have no effect, because a driver plans its own path.
+//! may be in a block with G0 to G3. `G41 D0` is the tool in the spindle (LinuxCNC). G61, G64 and
+//! G97 are accepted and have no effect, because a driver plans its own path.
 //! M48, M49 and M100 to M199 go to the machine unchanged.
 
 mod block;
@@ -163,7 +163,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         return Loaded { contour, findings: findings.finish(), line_count, bounds: None };
     }
     let flow = match rules.dialect.lexer.parameters && !options.is_single_block {
-        true => FlowMap::of(text, &mut findings),
+        true => FlowMap::of(text, options.block_delete, &mut findings),
         false => FlowMap::default(),
     };
     if findings.has_error() {
@@ -322,6 +322,7 @@ impl Reader<'_> {
             parameters: &self.parameters,
             interpreter: &self.interpreter,
             line: line.number,
+            is_single_block: self.options.is_single_block,
         };
         let rules = &self.rules.dialect.lexer;
         lexer::read(line, rules, &mut self.block, &mut self.findings, &values);
@@ -338,7 +339,34 @@ impl Reader<'_> {
         }
         *has_blocks = true;
         self.section = Section::Within;
+        if self.options.is_single_block {
+            self.refuse_lasting(line);
+        }
         self.interpreter.execute(line, &self.block, &mut self.findings)
+    }
+
+    /// Reports what acts on later blocks only, in a block by hand.
+    #[cold]
+    fn refuse_lasting(&mut self, line: Line<'_>) {
+        if !self.rules.dialect.lexer.parameters {
+            return;
+        }
+        for word in &self.block.words {
+            let lasts = match (word.letter, code_in_tenths(word.value)) {
+                (b'G', Some(tenths)) => matches!(tenths, 520 | 920..=923),
+                (b'M', Some(tenths)) => matches!(tenths, 700 | 710 | 720 | 730 | 980 | 990),
+                _ => false,
+            };
+            if lasts {
+                let (start, end) = (usize::from(word.start), usize::from(word.end));
+                let source = line.source(self.block.number, start, end);
+                let message =
+                    format!("{} acts on the blocks after it only", line.quote(start, end));
+                let help = "a block by hand keeps nothing for the next one; use it in a program";
+                self.findings.push(Finding::error(Code::Unsupported, source, message).help(help));
+                self.block.is_damaged = true;
+            }
+        }
     }
 
     /// A line of a program with O words: what comes next is not always the line after it.
@@ -353,7 +381,9 @@ impl Reader<'_> {
         match next {
             Next::Line | Next::Block => Outcome::Line,
             Next::Jump(to) => {
-                self.interpreter.set_depth(self.flow.as_ref().map_or(0, Flow::depth));
+                let depth = self.flow.as_ref().map_or(0, Flow::depth);
+                let source = line.source(None, 0, line.text.trim_ascii_end().len());
+                self.interpreter.set_depth(depth, source, &mut self.findings);
                 Outcome::Jump(to)
             }
             Next::Stop => {
@@ -407,7 +437,8 @@ impl Reader<'_> {
             After::EndOfProgram => match flow.end_program() {
                 Some(next) => next,
                 None => {
-                    self.refuse_endless(line);
+                    let running = flow.running();
+                    self.refuse_endless(line, running);
                     Next::Stop
                 }
             },
@@ -417,6 +448,13 @@ impl Reader<'_> {
     /// Sets the parameters of a block that has been read.
     fn assign(&mut self, line: Line<'_>) {
         for assignment in std::mem::take(&mut self.block.assignments) {
+            if self.options.is_single_block {
+                let source = line.source(self.block.number, assignment.start, assignment.end);
+                let message = "a block by hand keeps no parameter for the next one";
+                let help = "set parameters in a program";
+                self.findings.push(Finding::error(Code::Unsupported, source, message).help(help));
+                continue;
+            }
             let Err(why) = self.parameters.set(&assignment.parameter, assignment.value) else {
                 continue;
             };
@@ -429,7 +467,7 @@ impl Reader<'_> {
                 ),
                 CannotSet::ReadOnly => (
                     format!("`{quote}`: this parameter cannot be set, the machine gives its value"),
-                    "use another name or number",
+                    "use another name or number; G10, G28.1 and G92 set offsets",
                 ),
             };
             self.findings.push(Finding::error(Code::BadNumber, source, message).help(help));
@@ -441,7 +479,7 @@ impl Reader<'_> {
     #[cold]
     fn no_program(&mut self, line: Line<'_>, after: After) -> Outcome {
         if after == After::EndOfProgram {
-            self.refuse_endless(line);
+            self.refuse_endless(line, None);
         } else {
             let message = "M98 calls a program that the text does not have";
             let source = line.source(self.block.number, self.block.start, self.block.end);
@@ -456,17 +494,31 @@ impl Reader<'_> {
 
     /// M99 in the main program: LinuxCNC would begin it again without an end.
     #[cold]
-    fn refuse_endless(&mut self, line: Line<'_>) {
-        let message = "M99 in the main program begins it again, without an end";
+    fn refuse_endless(&mut self, line: Line<'_>, running: Option<String>) {
+        let (message, help) = match running {
+            None => (
+                "M99 in the main program begins it again, without an end".to_owned(),
+                "end the program with M2 or M30, and run it again",
+            ),
+            Some(running) => {
+                (format!("M99 does not end {running}"), "end a subroutine with endsub or return")
+            }
+        };
         let source = line.source(self.block.number, self.block.start, self.block.end);
-        self.findings.push(
-            Finding::error(Code::Unsupported, source, message)
-                .help("end the program with M2 or M30, and run it again"),
-        );
+        self.findings.push(Finding::error(Code::Unsupported, source, message).help(help));
     }
 
     /// Reports a program without blocks, or without an end.
     fn check_end(&mut self, text: &[u8], last_line: u32, has_blocks: bool) {
+        if let Some(running) = self.flow.as_ref().and_then(Flow::running)
+            && !matches!(self.section, Section::After { .. })
+        {
+            let line = last_line - u32::from(text.last() == Some(&b'\n'));
+            let source = Source { line, column: 1, ..Source::default() };
+            let message = format!("the text ends within {running}");
+            let help = "end a program that M98 calls with M99";
+            return self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+        }
         if !has_blocks {
             let message = "the program has no blocks";
             self.findings.push(
@@ -529,7 +581,10 @@ impl Reader<'_> {
         }
         self.section = match self.section {
             Section::Before => Section::Within,
-            Section::Within => Section::After { end_line: line.number, is_reported: false },
+            Section::Within => Section::After {
+                end_line: line.number,
+                is_reported: self.flow.as_ref().is_some_and(Flow::has_programs),
+            },
             after @ Section::After { .. } => after,
         };
         true

@@ -29,8 +29,10 @@ pub const NUMBER_MAX: f64 = 99_999_999.0;
 /// Turns of one arc block.
 pub const ARC_TURNS_MAX: f64 = 9_999.0;
 
-/// Steps of one hole (G73, G83).
-pub const CYCLE_MOVES_MAX: f64 = 10_000.0;
+/// Moves of one block with a cycle.
+pub const CYCLE_MOVES_MAX: f64 = 100_000.0;
+/// Events before one more cycle: as many as a program of the most lines has.
+pub const EVENTS_MAX: usize = LINES_MAX as usize;
 /// How far a chip-breaking or peck cycle stays away from the last depth in rapid, mm: a hundredth
 /// of an inch (LinuxCNC).
 pub const PECK_CLEARANCE_MM: f64 = 0.254;

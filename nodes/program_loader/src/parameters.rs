@@ -18,9 +18,12 @@ pub(crate) enum CannotSet {
     ReadOnly,
 }
 
-/// One numbered parameter that only the machine sets: its position, its tool.
-pub(crate) const fn is_read_only(number: u32) -> bool {
-    matches!(number, 5021..=5029 | 5400..=5413 | 5420..=5428)
+/// One numbered parameter that only the machine sets: its position, its tool, its offsets.
+const fn is_read_only(number: u32) -> bool {
+    matches!(
+        number,
+        5021..=5029 | 5061..=5070 | 5161..=5199 | 5210..=5390 | 5400..=5413 | 5420..=5428
+    )
 }
 
 #[derive(Debug)]

@@ -26,9 +26,10 @@ pub fn with_subroutines(
         return text;
     }
     let mut asked: BTreeSet<String> = BTreeSet::new();
+    let mut has_files = false;
     loop {
         // One after the other: a file may define what the next one would have been read for.
-        let map = FlowMap::of(&text, &mut Findings::default());
+        let map = FlowMap::of(&text, false, &mut Findings::default());
         let missing =
             map.undefined_calls().find(|name| is_file_name(name) && !asked.contains(*name));
         let Some(name) = missing.map(str::to_owned) else { return text };
@@ -41,7 +42,10 @@ pub fn with_subroutines(
             if text.last().is_some_and(|&last| last != b'\n') {
                 text.push(b'\n');
             }
-            text.extend_from_slice(format!("(file {name}.ngc)\n").as_bytes());
+            // The program ends here: what stands in a file outside its subroutine is not run.
+            let end = if has_files { "" } else { "%\n" };
+            has_files = true;
+            text.extend_from_slice(format!("{end}(file {name}.ngc)\n").as_bytes());
             text.extend_from_slice(file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file));
         }
         asked.insert(name);
@@ -81,7 +85,7 @@ mod tests {
         let main = "o<POCKET> call [1]\no<own> call\no<own> sub\no<own> endsub\nM2";
         assert_eq!(
             assemble(main, &[("pocket", pocket), ("hole", hole), ("own", "G0 X0")]),
-            format!("{main}\n(file pocket.ngc)\n{pocket}(file hole.ngc)\n{hole}")
+            format!("{main}\n%\n(file pocket.ngc)\n{pocket}(file hole.ngc)\n{hole}")
         );
     }
 
@@ -90,7 +94,7 @@ mod tests {
         let both = "o<a> sub\no<a> endsub\no<b> sub\no<b> endsub\n";
         let main = "o<a> call\no<b> call\nM2\n";
         let files = [("a", both), ("b", "o<b> sub\no<b> endsub\n")];
-        assert_eq!(assemble(main, &files), format!("{main}(file a.ngc)\n{both}"));
+        assert_eq!(assemble(main, &files), format!("{main}%\n(file a.ngc)\n{both}"));
     }
 
     #[test]

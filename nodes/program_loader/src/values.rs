@@ -4,6 +4,8 @@ use crate::expression::{Lookup, Trouble};
 use crate::interpreter::Interpreter;
 use crate::parameters::Parameters;
 
+const FORGOTTEN: &str = "a parameter, and nothing is kept from one block by hand to the next";
+
 /// All parameters that a line may read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Values<'v, 'r> {
@@ -11,14 +13,22 @@ pub(crate) struct Values<'v, 'r> {
     pub(crate) interpreter: &'v Interpreter<'r>,
     /// The number of the line.
     pub(crate) line: u32,
+    /// Nothing is kept from the blocks before this one.
+    pub(crate) is_single_block: bool,
 }
 
 impl Lookup for Values<'_, '_> {
     fn numbered(&self, number: u32) -> Option<Result<f64, Trouble>> {
+        if self.is_single_block {
+            return Some(Err(Trouble::NotHere { what: FORGOTTEN.to_owned() }));
+        }
         self.interpreter.system_number(number).or_else(|| self.parameters.numbered(number).map(Ok))
     }
 
     fn named(&self, name: &str) -> Option<Result<f64, Trouble>> {
+        if self.is_single_block {
+            return Some(Err(Trouble::NotHere { what: FORGOTTEN.to_owned() }));
+        }
         if let Some(value) = self.parameters.named(name) {
             return Some(Ok(value));
         }

@@ -65,7 +65,12 @@ fn parameters_have_the_state_of_the_machine_or_say_that_it_is_not_known() {
         let text = format!("{state}o1 if [#<{name}> NE {value}]\nG0 X[1/0]\no1 endif");
         check("rs274", &text, &[]);
     }
-    check("rs274", "G0 X#5420 Y#5400 Z#5220", &[]);
+    check("rs274", "T3 M6\nG0 X#5420 Y#5400 Z#5220", &[]);
+    check(
+        "rs274",
+        "G0 Z#5400",
+        &["1: #5400 is the tool in the spindle, which is known only after M6"],
+    );
     check("rs274", "G28\nG0 X#<_x>", &["2: #<_X> is the position of X, which is not known here"]);
     check(
         "rs274",

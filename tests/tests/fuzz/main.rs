@@ -118,6 +118,12 @@ fn random_bytes_are_no_program_and_no_trouble() {
 }
 
 #[test]
+fn programs_of_the_rs274_language_are_loaded_and_planned_or_refused_at_a_place() {
+    let rs274 = settings::load_profile("rs274").expect("a shipped profile");
+    fuzz("language", 3000, |random| programs::check_language(&rs274, random));
+}
+
+#[test]
 fn what_is_accepted_of_random_contours_is_not_cut() {
     let profile = programs::profile("sinumerik_840c");
     let mut accepted = 0_u64;

@@ -13,6 +13,7 @@ use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use compensation_planner::{Plan, plan, plan_certified};
 use kerf_tests::root;
 use kerf_tests::rows::IN_ORDER;
+use program_loader::limits::FlowLimits;
 use program_loader::{LoadOptions, load};
 
 /// Programs to begin with, each with the profile of its control.
@@ -75,12 +76,98 @@ pub(crate) fn check_bytes(profiles: &[Profile], random: &mut Random) {
     loaded_and_planned(&bytes, random.of(profiles), random);
 }
 
+/// A text of the words of the rs274 language, in any order.
+pub(crate) fn check_language(rs274: &Profile, random: &mut Random) {
+    const PIECES: &[&str] = &[
+        "o1 ",
+        "o2 ",
+        "o<a> ",
+        "O100\n",
+        "o[#1] ",
+        "sub\n",
+        "endsub\n",
+        "endsub [#1]\n",
+        "call\n",
+        "call [1] (x) [#2]\n",
+        "return\n",
+        "if [#1 LT 2]\n",
+        "elseif [1]\n",
+        "else\n",
+        "endif\n",
+        "while [#1 LT 3]\n",
+        "endwhile\n",
+        "do\n",
+        "repeat [2]\n",
+        "endrepeat\n",
+        "break\n",
+        "continue\n",
+        "#1=[#1+1]\n",
+        "#2=#1 ",
+        "#<a>=[1/#1]\n",
+        "#<_b>=ATAN[1]/[#1]\n",
+        "M98 P100 L2\n",
+        "M99\n",
+        "M2\n",
+        "M70\n",
+        "M71\n",
+        "M72\n",
+        "M73\n",
+        "G0 X#1 Y#2\n",
+        "G1 X[#1*10] Z-1 F100\n",
+        "G2 X10 Y0 I5 J#2\n",
+        "G98 ",
+        "G99 ",
+        "G81 X1 Y#1 Z-5 R1 L2\n",
+        "G83 X2 Z-3 R1 Q1\n",
+        "G73 Z-2 R1 Q0.5\n",
+        "G84 X1 Z-1 R1\n",
+        "G80\n",
+        "G91 ",
+        "G90 ",
+        "G17 ",
+        "G18 ",
+        "G19 ",
+        "G20 ",
+        "G21 ",
+        "G92 X#1 Z0\n",
+        "G92.1\n",
+        "G92.2\n",
+        "G92.3\n",
+        "G52 X5 Y#2\n",
+        "G10 L2 P1 X#1\n",
+        "G10 L20 P0 Z0\n",
+        "G54 ",
+        "G55 ",
+        "G93 G1 X#2 F5\n",
+        "G94 F100\n",
+        "G95 F0.1 S500\n",
+        "G7 ",
+        "G8 ",
+        "M3 S100\n",
+        "M5\n",
+        "T1 M6\n",
+        "G41 D1 ",
+        "G40 ",
+        "G28\n",
+        "G53 G0 Z0\n",
+        "%\n",
+        "/",
+        "N10.1 ",
+        "(x)",
+        "G0 X0 Y0 Z5\n",
+    ];
+    let text: String = (0..random.below(60)).map(|_| *random.of(PIECES)).collect();
+    loaded_and_planned(text.as_bytes(), rs274, random);
+}
+
 fn loaded_and_planned(text: &[u8], profile: &Profile, random: &mut Random) -> bool {
     let shown = || format!("{}\n{}", profile.name, String::from_utf8_lossy(text));
     let options = LoadOptions {
         start: [0.0, 0.0, random.between(-10.0, 10.0)],
         block_delete: random.once_in(2),
         is_single_block: random.once_in(10),
+        // Loops without an end are found sooner.
+        flow: FlowLimits { blocks_max: 2000, depth_max: 10 },
     };
     let loaded = load(text, profile, &options);
     check_places(&loaded.findings, loaded.line_count, &shown());

@@ -60,7 +60,7 @@ impl Encoder {
                 self.push_action(text, LineKind::Motion, false, source)
             }
             Action::WorkOffset { system } => {
-                self.check_work_system(system)?;
+                check_work_system(system)?;
                 self.modal.forget(AxisSet::ALL, &event.action.text());
                 self.modal.work_system = system;
                 self.push_action(work_system(system), LineKind::Motion, true, source)
@@ -150,15 +150,6 @@ impl Encoder {
         }
     }
 
-    fn check_work_system(&self, system: u8) -> Result<(), EncodeProblem> {
-        match system {
-            1..=6 => Ok(()),
-            7..=9 if self.config.has_nine_work_systems => Ok(()),
-            7..=9 => Err(EncodeProblem::Unsupported { word: work_system(system) }),
-            _ => Err(EncodeProblem::WorkOffset { system }),
-        }
-    }
-
     /// G10 L2 and L20.
     fn encode_work_offset(
         &mut self,
@@ -168,7 +159,7 @@ impl Encoder {
         by_position: bool,
         source: Source,
     ) -> Result<(), EncodeProblem> {
-        self.check_work_system(system)?;
+        check_work_system(system)?;
         let mut text = format!("G10L{}P{system}", if by_position { 20 } else { 2 });
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
             let steps = self.checked_position(AXIS_LETTERS[axis], origin[axis])?;
@@ -301,6 +292,7 @@ impl Encoder {
         let moves_frame = |event: &PathEvent| match event.action {
             // The words that every run begins with say G54 and G49.
             Action::WorkOffset { system } => system != 1,
+            Action::SetWorkOffset { .. } => true,
             Action::ToolLength { offset, .. } => offset.is_some(),
             _ => false,
         };
@@ -316,6 +308,11 @@ impl Encoder {
         self.modal.unknown = AxisSet::NONE;
         Ok(())
     }
+}
+
+/// The driver knows the offsets of these systems only.
+fn check_work_system(system: u8) -> Result<(), EncodeProblem> {
+    if (1..=6).contains(&system) { Ok(()) } else { Err(EncodeProblem::WorkOffset { system }) }
 }
 
 /// `S1000`

@@ -28,9 +28,6 @@ pub struct EncoderConfig {
     /// Whether the controller changes tools itself (`M6`), where it can.
     #[serde(default)]
     pub controller_changes_tools: bool,
-    /// Whether the controller has G59.1 to G59.3.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub has_nine_work_systems: bool,
     /// What the controller can home; it reports this.
     #[serde(default)]
     pub homing: Homing,
@@ -82,7 +79,6 @@ impl Default for EncoderConfig {
             line_numbers: false,
             approach_z_mm: None,
             controller_changes_tools: false,
-            has_nine_work_systems: false,
             homing: Homing::default(),
             board: Board::default(),
         }

@@ -41,7 +41,7 @@ pub enum EncodeProblem {
          before it"
     )]
     UnknownStart { axes: String, since: String },
-    #[error("work system {system} does not exist: 1 to 9 are G54 to G59.3")]
+    #[error("work system {system} does not exist: 1 to 6 are G54 to G59")]
     WorkOffset { system: u8 },
     #[error("this controller has no {word}")]
     Unsupported { word: String },

@@ -45,11 +45,8 @@ pub enum StartProblem {
         if axes.len() == 1 { "has" } else { "have" }
     )]
     UnknownPlace { line: u32, axes: String, since: String },
-    #[error(
-        "line {line} comes after {word}, which sets a work offset by the position of the tool: \
-         begin before it"
-    )]
-    OffsetByPosition { line: u32, word: String },
+    #[error("line {line} comes after {word}, which stores where the tool is: begin before it")]
+    StoredPosition { line: u32, word: String },
     #[error(transparent)]
     Encode(#[from] EncodeError),
 }
@@ -129,8 +126,8 @@ fn restored(events: &[PathEvent], line: u32) -> Result<Vec<PathEvent>, StartProb
     for event in events {
         match event.action {
             Action::SetWorkOffset { by_position: false, .. } => restored.push(*event),
-            Action::SetWorkOffset { by_position: true, .. } => {
-                return Err(StartProblem::OffsetByPosition { line, word: event.action.text() });
+            Action::SetWorkOffset { by_position: true, .. } | Action::StoreReference { .. } => {
+                return Err(StartProblem::StoredPosition { line, word: event.action.text() });
             }
             _ => {}
         }

@@ -247,10 +247,9 @@ fn what_grbl_cannot_do_is_refused_with_its_line() {
             "line 7: the dwell of NaN s is not between 0 and 86400 s",
         ),
         (
-            Action::WorkOffset { system: 10 },
-            "line 7: work system 10 does not exist: 1 to 9 are G54 to G59.3",
+            Action::WorkOffset { system: 7 },
+            "line 7: work system 7 does not exist: 1 to 6 are G54 to G59",
         ),
-        (Action::WorkOffset { system: 7 }, "line 7: this controller has no G59.1"),
         (
             Action::SetWorkOffset {
                 system: 1,

@@ -16,7 +16,6 @@ pub(super) static TRAITS: Traits = Traits {
     reset_needed_after: &[1, 2, 13, 16],
     error_lasts: false,
     has_tool_change: false,
-    has_nine_work_systems: false,
     has_full_report: false,
     homes_one_by_one: true,
     echoes_after_control_characters: true,

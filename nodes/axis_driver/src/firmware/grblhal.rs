@@ -17,7 +17,6 @@ pub(super) static TRAITS: Traits = Traits {
     reset_needed_after: &[1, 2, 10, 17, 20],
     error_lasts: true,
     has_tool_change: true,
-    has_nine_work_systems: true,
     has_full_report: true,
     homes_one_by_one: false,
     echoes_after_control_characters: false,

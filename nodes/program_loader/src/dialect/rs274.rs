@@ -54,7 +54,7 @@ fn g(tenths: u16) -> GWord {
         281 => GWord::Offset(OffsetWord::StoreReference { second: false }),
         301 => GWord::Offset(OffsetWord::StoreReference { second: true }),
         520 => GWord::Offset(OffsetWord::Local),
-        591..=593 => GWord::WorkOffset((tenths - 584) as u8),
+        591..=593 => GWord::Refused("use G54 to G59"),
         920 => GWord::Offset(OffsetWord::Axis),
         921 => GWord::Offset(OffsetWord::AxisOff { keeps: false }),
         922 => GWord::Offset(OffsetWord::AxisOff { keeps: true }),

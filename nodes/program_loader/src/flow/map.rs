@@ -18,6 +18,9 @@ pub(crate) struct Cursor {
     pub(crate) line: u32,
 }
 
+/// Loops and conditions inside each other: more than any program needs.
+const NESTED_MAX: usize = 1000;
+
 /// One statement of the text.
 #[derive(Debug, Clone)]
 pub(crate) struct Entry {
@@ -43,7 +46,9 @@ pub(crate) struct FlowMap {
 
 impl FlowMap {
     /// Finds all statements; those that are wrong are reported.
-    pub(crate) fn of(text: &[u8], findings: &mut Findings) -> Self {
+    ///
+    /// With `block_delete`, those of lines that begin with `/` do not count.
+    pub(crate) fn of(text: &[u8], block_delete: bool, findings: &mut Findings) -> Self {
         let mut map = Self::default();
         let mut open = Vec::new();
         let mut seen = Cursor { offset: 0, line: 1 };
@@ -66,6 +71,7 @@ impl FlowMap {
             findings.begin_block();
             match statement::read(line.text) {
                 None => {}
+                Some(Ok(statement)) if statement.is_optional && block_delete => {}
                 Some(Ok(statement)) => map.add(line, &statement, at, next, &mut open, findings),
                 Some(Err(bad)) => {
                     let source = line.source(None, bad.start, bad.end);
@@ -136,6 +142,12 @@ impl FlowMap {
         index: usize,
         open: &mut Vec<usize>,
     ) -> Result<(), (String, String)> {
+        if open.len() >= NESTED_MAX {
+            return Err((
+                format!("more than {NESTED_MAX} O words inside each other"),
+                "close some of them first".to_owned(),
+            ));
+        }
         let name = shown(&entry.name).into_owned();
         let last = open.last().copied();
         let opened = last.map(|last| self.entries[last].keyword);
@@ -158,28 +170,28 @@ impl FlowMap {
         };
         match entry.keyword {
             Keyword::Sub => {
-                if let Some(outer) = open.first() {
-                    let outer = &self.entries[*outer];
-                    return Err((
-                        format!(
-                            "O{name} begins inside O{} {}",
-                            shown(&outer.name),
-                            outer.keyword.word()
-                        ),
-                        "write each subroutine by itself".to_owned(),
-                    ));
+                let outer = open.first().map(|&outer| &self.entries[outer]);
+                let earlier = self.subs.get(&entry.name).map(|&first| self.entries[first].at.line);
+                let outer = outer.map(|outer| (shown(&outer.name), outer.keyword.word()));
+                if outer.is_none() {
+                    // Its end belongs to it, even if the name is taken.
+                    open.push(index);
                 }
-                if let Some(&first) = self.subs.get(&entry.name) {
-                    return Err((
-                        format!(
-                            "O{name} is defined in line {} already",
-                            self.entries[first].at.line
-                        ),
+                let trouble = match (outer, earlier) {
+                    (Some((outer, word)), _) => Some((
+                        format!("O{name} begins inside O{outer} {word}"),
+                        "write each subroutine by itself".to_owned(),
+                    )),
+                    (None, Some(line)) => Some((
+                        format!("O{name} is defined in line {line} already"),
                         "give one of them another name".to_owned(),
-                    ));
+                    )),
+                    (None, None) => None,
+                };
+                if let Some(trouble) = trouble {
+                    return Err(trouble);
                 }
                 self.subs.insert(entry.name.clone(), index);
-                open.push(index);
             }
             Keyword::If | Keyword::Repeat | Keyword::Do => open.push(index),
             Keyword::While if is_last && opened == Some(Keyword::Do) => {
@@ -241,7 +253,24 @@ impl FlowMap {
                 }
             },
             Keyword::Number => {
-                self.programs.entry(entry.name.clone()).or_insert(index);
+                if let Some(outer) = open.first().map(|&outer| &self.entries[outer]) {
+                    return Err((
+                        format!(
+                            "program O{name} begins inside O{} {}",
+                            shown(&outer.name),
+                            outer.keyword.word()
+                        ),
+                        "write sub, call or another keyword after the number, or delete it"
+                            .to_owned(),
+                    ));
+                }
+                if let Some(&first) = self.programs.get(&entry.name) {
+                    return Err((
+                        format!("O{name} is in line {} already", self.entries[first].at.line),
+                        "give each program a number of its own".to_owned(),
+                    ));
+                }
+                self.programs.insert(entry.name.clone(), index);
             }
             Keyword::Call | Keyword::DoWhile => {}
         }

@@ -11,9 +11,8 @@ use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, RadiusSource, Spi
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
 
-/// The words of the work systems 1 to 9.
-const WORK_SYSTEMS: [&str; 9] =
-    ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
+/// The words of the work systems 1 to 6.
+const WORK_SYSTEMS: [&str; 6] = ["G54", "G55", "G56", "G57", "G58", "G59"];
 
 impl Interpreter<'_> {
     /// F.
@@ -216,14 +215,18 @@ impl Interpreter<'_> {
             return self.negative(scene, letter);
         }
         if seconds >= DWELL_SECONDS_SUSPICIOUS {
-            let source = scene.source_of(self.request.word(letter));
-            let message = format!("the machine waits {seconds} s here");
-            let help = format!("{} is in seconds, not in milliseconds", char::from(letter));
-            scene
-                .findings
-                .push(Finding::warning(Code::SuspiciousValue, source, message).help(help));
+            self.long_dwell(scene, letter, seconds);
         }
         self.act(Action::Dwell { seconds });
+    }
+
+    /// Warns of a dwell that may be meant in milliseconds.
+    #[cold]
+    pub(super) fn long_dwell(&mut self, scene: &mut Scene<'_>, letter: u8, seconds: f64) {
+        let source = scene.source_of(self.request.word(letter));
+        let message = format!("the machine waits {seconds} s here");
+        let help = format!("{} is in seconds, not in milliseconds", char::from(letter));
+        scene.findings.push(Finding::warning(Code::SuspiciousValue, source, message).help(help));
     }
 
     /// G43 and G49. The planner fills in the length itself.
@@ -261,7 +264,7 @@ impl Interpreter<'_> {
     }
 
     /// Changes the length offset; it moves the work frame along Z by a length of the tool table.
-    fn change_length(&mut self, offset: Option<u32>, word: &'static str) {
+    pub(super) fn change_length(&mut self, offset: Option<u32>, word: &'static str) {
         if self.modal.length != offset {
             self.modal.length = offset;
             self.axes.lose(AxisSet::NONE.with(2), Cause { source: self.source, word });
@@ -280,7 +283,7 @@ impl Interpreter<'_> {
         self.act(Action::WorkOffset { system });
         if self.modal.work_offset != system {
             self.modal.work_offset = system;
-            let word = WORK_SYSTEMS[usize::from(system.clamp(1, 9) - 1)];
+            let word = WORK_SYSTEMS[usize::from(system.clamp(1, 6) - 1)];
             self.axes.lose(AxisSet::ALL, Cause { source: self.source, word });
         }
     }

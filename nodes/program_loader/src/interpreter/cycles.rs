@@ -5,7 +5,10 @@
 
 use super::{FeedMode, Interpreter, Scene};
 use crate::dialect::{Distance, Group};
-use crate::limits::{COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, PECK_CLEARANCE_MM};
+use crate::limits::{
+    COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, EVENTS_MAX,
+    PECK_CLEARANCE_MM,
+};
 use cnc_msgs::contour::{Action, MotionClass, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
@@ -140,12 +143,12 @@ impl Interpreter<'_> {
             let base = if is_relative { start[across] } else { shift };
             end.position[across] - base
         });
-        for (word, value) in [("R", r), (AXIS_NAMES[across], height)] {
+        for (word, value) in [('R', r), (letter, height)] {
             if value.is_none() && is_first {
                 let number = cycle.number();
                 let message = format!("G{number} without {word}");
                 let help = match word {
-                    "R" => format!("write R with the {letter} from which the tool feeds"),
+                    'R' => format!("write R with the {letter} from which the tool feeds"),
                     _ => format!("write {letter} with the bottom of the hole"),
                 };
                 self.report_block(scene, Code::MissingWord, message, &help);
@@ -160,6 +163,9 @@ impl Interpreter<'_> {
                 _ => "write P with the seconds at the bottom",
             };
             self.report_block(scene, Code::MissingWord, message, help);
+        }
+        if dwell.is_some_and(|seconds| seconds >= DWELL_SECONDS_SUSPICIOUS) {
+            self.long_dwell(scene, b'P', dwell.unwrap_or_default());
         }
         for (letter, value) in [(b'P', dwell), (b'Q', step)] {
             let is_wrong = if letter == b'P' { value < Some(0.0) } else { value <= Some(0.0) };
@@ -198,6 +204,24 @@ impl Interpreter<'_> {
             true => [end.position[first] - start[first], end.position[second] - start[second]],
             false => [0.0; 2],
         };
+        let count = f64::from(repeats.unwrap_or(1));
+        let steps = if cycle.needs() == Some(b'Q') { (r - bottom) / words.step } else { 1.0 };
+        let moves = count * (3.0 * steps + 6.0);
+        if moves.is_nan() || moves > CYCLE_MOVES_MAX || self.event_count() > EVENTS_MAX {
+            let message =
+                format!("the cycle takes {moves:.0} moves; at most {CYCLE_MOVES_MAX} are accepted");
+            let help = "look for a missing digit in Q or L";
+            self.axes.poison(AxisSet::ALL);
+            return self.report_block(scene, Code::Limit, message, help);
+        }
+        for (axis, increment) in [(first, increment[0]), (second, increment[1])] {
+            if (start[axis] + increment * count).abs() > COORDINATE_MM_MAX {
+                let message = format!("{} leads beyond {COORDINATE_MM_MAX} mm", AXIS_LETTERS[axis]);
+                let help = "look for an incremental move that should be absolute";
+                self.axes.poison(AxisSet::ALL);
+                return self.report_block(scene, Code::Limit, message, help);
+            }
+        }
         let mut hole = start;
         if !is_relative {
             (hole[first], hole[second]) = (end.position[first], end.position[second]);
@@ -214,9 +238,7 @@ impl Interpreter<'_> {
             };
             self.go(MotionClass::Rapid, hole, across, above);
             self.go(MotionClass::Rapid, hole, across, r);
-            if !self.hole(scene, &plan, hole) {
-                break;
-            }
+            self.hole(&plan, hole);
         }
         self.axes.know(end.named.without(end.relative).union(AxisSet::NONE.with(across)));
     }
@@ -284,8 +306,8 @@ impl Interpreter<'_> {
         self.report_block(scene, Code::BadNumber, message, &help);
     }
 
-    /// Drills one hole; returns whether another may follow.
-    fn hole(&mut self, scene: &mut Scene<'_>, plan: &Plan, hole: Position) -> bool {
+    /// Drills one hole.
+    fn hole(&mut self, plan: &Plan, hole: Position) {
         let across = self.modal.plane.axes()[2];
         let (feed, rapid) = (MotionClass::Feed, MotionClass::Rapid);
         match plan.cycle {
@@ -297,16 +319,6 @@ impl Interpreter<'_> {
                 self.go(rapid, hole, across, plan.clear);
             }
             Cycle::ChipBreak | Cycle::Peck => {
-                let steps = (plan.r - plan.bottom) / plan.step;
-                if steps.is_nan() || steps > CYCLE_MOVES_MAX {
-                    let message = format!(
-                        "the hole takes {steps:.0} steps; at most {CYCLE_MOVES_MAX} are accepted"
-                    );
-                    let help = "look for a missing digit in Q";
-                    self.report_block(scene, Code::Limit, message, help);
-                    self.axes.poison(AxisSet::NONE.with(across));
-                    return false;
-                }
                 let mut depth = plan.r - plan.step;
                 while depth > plan.bottom {
                     self.go(feed, hole, across, depth);
@@ -363,7 +375,6 @@ impl Interpreter<'_> {
                 self.go(feed, hole, across, plan.clear);
             }
         }
-        true
     }
 
     /// Moves to a hole at this height; nothing if the tool is there.
@@ -381,8 +392,6 @@ impl Interpreter<'_> {
         self.emit_motion(Shape::Line, end, class, axes);
     }
 }
-
-const AXIS_NAMES: [&str; 3] = ["X", "Y", "Z"];
 
 impl Interpreter<'_> {
     /// G98 and G99.

@@ -1,9 +1,11 @@
 //! G93, G94 and G95: what F means.
 //!
-//! Every motion has a feed in mm/min: G93 and G95 are computed from its length and from S.
+//! Every motion has a feed in mm/min: G93 and G95 are computed from its length and from S, and are
+//! never faster than F may be under G94. Under compensation G93 counts the programmed length.
 
 use super::{Interpreter, Scene};
 use crate::dialect::{FeedMode, GWord, Group};
+use crate::limits::FEED_MM_PER_MIN_MAX;
 use cnc_msgs::contour::MotionClass;
 use cnc_msgs::finding::Code;
 
@@ -28,8 +30,8 @@ impl Interpreter<'_> {
         match self.modal.feed_mode {
             FeedMode::PerMinute => {}
             FeedMode::PerRevolution => {
-                self.modal.feed_mm_per_min =
-                    self.modal.programmed_feed * self.scale() * self.modal.rpm;
+                let feed = self.modal.programmed_feed * self.scale() * self.modal.rpm;
+                self.modal.feed_mm_per_min = feed.min(FEED_MM_PER_MIN_MAX);
             }
             // Each move has one of its own.
             FeedMode::InverseTime => self.modal.feed_mm_per_min = 0.0,
@@ -40,8 +42,8 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn feed_of_length(&mut self, class: MotionClass, length: impl FnOnce() -> f64) {
         if self.modal.feed_mode == FeedMode::InverseTime && class == MotionClass::Feed {
-            self.modal.feed_mm_per_min =
-                (length() * self.modal.programmed_feed).max(FEED_MM_PER_MIN_MIN);
+            let feed = length() * self.modal.programmed_feed;
+            self.modal.feed_mm_per_min = feed.clamp(FEED_MM_PER_MIN_MIN, FEED_MM_PER_MIN_MAX);
         }
     }
 

@@ -3,7 +3,7 @@
 use super::axes::Cause;
 use super::moves::AXIS_WORDS;
 use super::{Interpreter, Scene};
-use crate::dialect::{Distance, Group, Mode};
+use crate::dialect::{Distance, FeedMode, Group, Mode};
 use cnc_msgs::contour::{Action, MotionClass};
 use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{AxisSet, Shape};
@@ -83,6 +83,12 @@ impl Interpreter<'_> {
                 message,
                 "write G90 into this block",
             );
+        }
+        if !rapid && self.modal.feed_mode == FeedMode::InverseTime {
+            let message = "the length of a G53 move is not known, and G93 is in force".to_owned();
+            let help = "write G94 and F with mm/min before it, or G0";
+            self.axes.poison(end.named);
+            return self.report_at(scene, at, Code::ModalConflict, message, help);
         }
         if end.named.is_empty() && !self.request.has_refused_word {
             let message = "G53 without X, Y or Z".to_owned();

@@ -297,7 +297,11 @@ impl Interpreter<'_> {
     /// Whether a feed is in force for a move that needs one; reports its absence once.
     #[inline]
     pub(super) fn has_feed(&mut self, scene: &mut Scene<'_>, class: MotionClass) -> bool {
-        if class == MotionClass::Rapid || self.modal.feed_mm_per_min > 0.0 {
+        if class == MotionClass::Rapid {
+            return true;
+        }
+        // Under G93 each block has an F of its own.
+        if self.modal.feed_mode != FeedMode::InverseTime && self.modal.feed_mm_per_min > 0.0 {
             return true;
         }
         if self.modal.feed_mode != FeedMode::PerMinute {

@@ -139,7 +139,7 @@ impl Interpreter<'_> {
             }
             return;
         };
-        if system > 9 {
+        if system > 6 {
             let message = format!("there is no work system {system}");
             let help = "write P0 to P9";
             return self.report(scene, b'P', Code::BadNumber, message, help);

@@ -1,13 +1,15 @@
 //! M70, M71, M72 and M73: the words in force are saved, and said again later.
 //!
 //! Saved are those that LinuxCNC saves: units, plane, distances, feed mode and feed, work system,
-//! spindle and coolant, and where cycles end. Tool length and cutter radius compensation are not.
-//! M73 in a subroutine restores by itself at its end.
+//! whether G92 and G52 act, tool length, spindle and coolant, and where cycles end. Cutter radius
+//! compensation is not switched by restoring: that is an error. M73 in a subroutine restores by
+//! itself at its end.
 
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, FeedMode, Units};
-use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, SpindleMode};
-use cnc_msgs::finding::Code;
+use crate::findings::Findings;
+use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, CutterSide, Source, SpindleMode};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Plane;
 
 /// What an M word does with the words in force.
@@ -20,6 +22,12 @@ pub(crate) enum StateWord {
     /// M72.
     Restore,
 }
+
+/// What is wrong where words cannot be restored, and what to do.
+const SWITCHES_COMPENSATION: (&str, &str) = (
+    "restoring the saved words would switch cutter radius compensation",
+    "switch it with G40, G41 or G42 and a straight move before the words are restored",
+);
 
 /// Words that were in force.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +46,9 @@ pub(super) struct SavedState {
     mist: bool,
     flood: bool,
     returns_to_r: bool,
+    is_shifted: bool,
+    length: Option<u32>,
+    side: Option<CutterSide>,
 }
 
 impl Interpreter<'_> {
@@ -50,7 +61,13 @@ impl Interpreter<'_> {
             StateWord::Save { returns } => *level = Some((state, returns)),
             StateWord::Forget => *level = None,
             StateWord::Restore => match *level {
-                Some((saved, _)) => self.restore(&saved),
+                Some((saved, _)) => {
+                    if !self.restore(&saved) {
+                        let (message, help) = SWITCHES_COMPENSATION;
+                        let code = Code::ForbiddenUnderCompensation;
+                        self.report_at(scene, at, code, message.to_owned(), help);
+                    }
+                }
                 None => {
                     let message = "M72 restores words, and M70 has saved none here".to_owned();
                     let help = "write M70 before it, in the same subroutine";
@@ -60,11 +77,17 @@ impl Interpreter<'_> {
         }
     }
 
-    /// Follows calls and returns: each subroutine saves words of its own.
-    pub(crate) fn set_depth(&mut self, depth: usize) {
+    /// Follows calls and returns: each subroutine saves words of its own. `source` is the place of
+    /// the return.
+    pub(crate) fn set_depth(&mut self, depth: usize, source: Source, findings: &mut Findings) {
         while self.saved.len() > depth + 1 {
             if let Some(Some((saved, true))) = self.saved.pop() {
-                self.restore(&saved);
+                self.source = source;
+                if !self.restore(&saved) {
+                    let (message, help) = SWITCHES_COMPENSATION;
+                    let code = Code::ForbiddenUnderCompensation;
+                    findings.push(Finding::error(code, source, message).help(help));
+                }
             }
         }
         self.saved.resize(depth + 1, None);
@@ -88,11 +111,18 @@ impl Interpreter<'_> {
             mist: modal.mist,
             flood: modal.flood,
             returns_to_r: modal.cycle.returns_to_r,
+            is_shifted: modal.shift != [0.0; 3],
+            length: modal.length,
+            side: modal.compensation.side(),
         }
     }
 
-    /// Says the saved words again, as far as they are no longer in force.
-    fn restore(&mut self, saved: &SavedState) {
+    /// Says the saved words again, as far as they are no longer in force. False, and nothing, if
+    /// cutter radius compensation is not as it was.
+    fn restore(&mut self, saved: &SavedState) -> bool {
+        if self.modal.compensation.side() != saved.side {
+            return false;
+        }
         if self.modal.plane != saved.plane {
             self.modal.plane = saved.plane;
             self.emit(ContourEventKind::Plane(saved.plane));
@@ -127,8 +157,15 @@ impl Interpreter<'_> {
         modal.spindle = saved.spindle;
         (modal.mist, modal.flood) = (saved.mist, saved.flood);
         modal.cycle.returns_to_r = saved.returns_to_r;
+        modal.shift = if saved.is_shifted { modal.kept_shift } else { [0.0; 3] };
         if self.modal.work_offset != saved.work_offset {
             self.select_work_offset(saved.work_offset);
         }
+        if self.modal.length != saved.length {
+            let word = if saved.length.is_some() { "G43" } else { "G49" };
+            self.act(Action::ToolLength { offset: saved.length, length_mm: 0.0 });
+            self.change_length(saved.length, word);
+        }
+        true
     }
 }

@@ -1,6 +1,6 @@
 //! The parameters that the state of the interpreter gives: `#5420`, `#<_feed>`.
 //!
-//! Lengths are in the units in force. A value that only the machine has while it runs is an error
+//! Positions are in the units in force, offsets in millimetres. A value that only the machine has while it runs is an error
 //! that says so: a plan must not depend on it.
 
 use super::axes::Reliance;
@@ -34,9 +34,10 @@ impl Interpreter<'_> {
         }
         match number {
             5210 => Some(Ok(truth(self.modal.shift != [0.0; 3]))),
-            5211..=5213 => Some(Ok(self.modal.shift[(number - 5211) as usize] / self.scale())),
+            5211..=5213 => Some(Ok(self.modal.kept_shift[(number - 5211) as usize])),
+            5214..=5219 => Some(Ok(0.0)),
             5220 => Some(Ok(f64::from(self.modal.work_offset))),
-            5400 => Some(Ok(f64::from(self.modal.spindle_tool.unwrap_or(0)))),
+            5400 => Some(self.current_tool()),
             5420..=5422 => Some(self.position_of((number - 5420) as usize)),
             5423..=5428 => Some(Ok(0.0)),
             _ => None,
@@ -63,17 +64,15 @@ impl Interpreter<'_> {
                 Some(CutterSide::Left) => 410.0,
                 Some(CutterSide::Right) => 420.0,
             })),
-            "_metric" | "_metric_machine" => is(modal.units == Units::Millimetre),
+            "_metric_machine" => is(true),
+            "_metric" => is(modal.units == Units::Millimetre),
             "_imperial" => is(modal.units == Units::Inch),
             "_absolute" => is(modal.distance == Distance::Absolute),
             "_incremental" => is(modal.distance == Distance::Incremental),
             "_inverse_time" => is(modal.feed_mode == super::FeedMode::InverseTime),
             "_units_per_minute" => is(modal.feed_mode == super::FeedMode::PerMinute),
             "_units_per_rev" => is(modal.feed_mode == super::FeedMode::PerRevolution),
-            "_coord_system" => Some(Ok(match modal.work_offset {
-                system @ 1..=6 => f64::from(530 + 10 * u32::from(system)),
-                system => f64::from(584 + u32::from(system)),
-            })),
+            "_coord_system" => Some(Ok(f64::from(530 + 10 * u32::from(modal.work_offset)))),
             "_tool_offset" => is(modal.length.is_some()),
             "_retract_r_plane" => is(!modal.cycle.returns_to_r),
             "_retract_old_z" => is(modal.cycle.returns_to_r),
@@ -93,7 +92,7 @@ impl Interpreter<'_> {
             "_x" => Some(self.position_of(0)),
             "_y" => Some(self.position_of(1)),
             "_z" => Some(self.position_of(2)),
-            "_current_tool" => Some(Ok(f64::from(modal.spindle_tool.unwrap_or(0)))),
+            "_current_tool" => Some(self.current_tool()),
             "_selected_tool" => Some(Ok(modal.selected_tool.map_or(-1.0, f64::from))),
             "_current_pocket" | "_selected_pocket" => Some(Err(Trouble::NotHere {
                 what: "a pocket of the tool changer, which the loader does not know".to_owned(),
@@ -122,10 +121,21 @@ impl Interpreter<'_> {
                 Err(Trouble::UnknownPosition { axis: char::from(AXIS_WORDS[axis]) })
             }
             Reliance::Poisoned => Ok(f64::NAN),
-            Reliance::Known | Reliance::Assumed(_) => {
+            reliance => {
+                if let Reliance::Assumed(axes) = reliance {
+                    // The program is good for this start only.
+                    self.read_axes.set(self.read_axes.get().union(axes));
+                }
                 Ok((self.axes.position[axis] - self.modal.shift[axis]) / self.scale())
             }
         }
+    }
+
+    /// The number of the tool in the spindle.
+    fn current_tool(&self) -> Result<f64, Trouble> {
+        let what = "the tool in the spindle, which is known only after M6";
+        let unknown = || Trouble::NotHere { what: what.to_owned() };
+        self.modal.spindle_tool.map(f64::from).ok_or_else(unknown)
     }
 
     /// The G number of the motion in force, times ten.

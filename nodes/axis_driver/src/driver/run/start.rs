@@ -26,6 +26,9 @@ impl RunRequest {
             Action::SetWorkOffset { by_position: false, .. } => {
                 Some(Some(("G10 L2", event.source.line)))
             }
+            Action::StoreReference { second } => {
+                Some(Some((if second { "G30.1" } else { "G28.1" }, event.source.line)))
+            }
             Action::Reference { second, .. } => {
                 Some(Some((if second { "G30" } else { "G28" }, event.source.line)))
             }
@@ -47,7 +50,6 @@ impl Context {
             // The others have no M6: the driver waits for the tool.
             controller_changes_tools: config.encoder.controller_changes_tools
                 && machine.firmware.traits().has_tool_change,
-            has_nine_work_systems: machine.firmware.traits().has_nine_work_systems,
             // A height means nothing before the axes are home.
             approach_z_mm: config.encoder.approach_z_mm.filter(|_| machine.is_homed),
             ..config.encoder
