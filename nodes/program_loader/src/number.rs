@@ -39,15 +39,13 @@ const POWERS: [f64; 23] = [
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
 
-/// Reads a number of few digits without anything unusual after it; `None` for all others.
+/// Reads digits with at most one point: the value, the byte after them, and what follows (0 at the
+/// end). `None` if there are none, or too many to be exact.
 ///
 /// Eighteen digits fit u64. A mantissa below 2^53 and a power of ten up to 10^22 are exact
 /// doubles, so that one division rounds correctly.
-#[inline]
-pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
-    let sign = *text.get(start)?;
-    let is_negative = sign == b'-';
-    let first = start + usize::from(is_negative || sign == b'+');
+#[inline(always)]
+fn read_digits(text: &[u8], first: usize) -> Option<(f64, usize, u8)> {
     let mut mantissa: u64 = 0;
     let mut digits = 0;
     let mut places = 0;
@@ -80,6 +78,16 @@ pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
     if digits == 0 || digits > 18 || mantissa >= 1 << 53 {
         return None;
     }
+    Some((mantissa as f64 / POWERS[places], at, following))
+}
+
+/// Reads a number of few digits without anything unusual after it; `None` for all others.
+#[inline]
+pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
+    let sign = *text.get(start)?;
+    let is_negative = sign == b'-';
+    let first = start + usize::from(is_negative || sign == b'+');
+    let (magnitude, at, following) = read_digits(text, first)?;
     match following {
         b'.' | b'+' | b'-' | b'e' | b'E' | b'[' | b'=' | b'#' => return None,
         b' ' | b'\t' => {
@@ -90,13 +98,25 @@ pub(crate) fn read_simple(text: &[u8], start: usize) -> Option<(f64, usize)> {
         }
         _ => {}
     }
-    let magnitude = mantissa as f64 / POWERS[places];
     Some((if is_negative { -magnitude } else { magnitude }, at))
 }
 
 /// Reads digits and a point, as they stand in expressions: a sign is an operator there. Blanks
 /// between them are skipped.
 pub(crate) fn read_unsigned(text: &[u8], start: usize) -> Result<(f64, usize), NotANumber> {
+    if matches!(text.get(start), Some(b'0'..=b'9' | b'.'))
+        && let Some((value, end, following)) = read_digits(text, start)
+    {
+        let is_whole = match following {
+            b'.' => false,
+            b'e' | b'E' => digit_at(text, end + 1).is_none(),
+            b' ' | b'\t' => !matches!(next_visible(text, end).1, Some(b'0'..=b'9' | b'.')),
+            _ => true,
+        };
+        if is_whole {
+            return Ok((value, end));
+        }
+    }
     let (mut plain, mut end, mut at) = (String::new(), start, start);
     while let Some(&byte) = text.get(at) {
         match byte {
