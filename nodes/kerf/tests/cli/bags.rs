@@ -13,27 +13,20 @@ fn golden() -> (PathBuf, Vec<u8>) {
     (folder, fs::read(file.expect("an .mcap file")).expect("a file"))
 }
 
-/// Where the first chunk of messages begins, after the records that precede it.
-fn second_chunk(bytes: &[u8]) -> usize {
+/// Where the chunk of messages begins, after the records that precede it.
+fn first_chunk(bytes: &[u8]) -> usize {
     let mut at = 8;
-    let mut chunks = 0;
-    loop {
-        let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
-        if bytes[at] == 0x06 {
-            chunks += 1;
-            if chunks == 2 {
-                return at;
-            }
-        }
-        at += 9 + length;
+    while bytes[at] != 0x06 {
+        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
     }
+    at
 }
 
 #[test]
 fn a_damaged_bag_ends_with_2_and_names_the_record() {
     let folder = Folder::new();
     let (_, whole) = golden();
-    let chunk = second_chunk(&whole);
+    let chunk = first_chunk(&whole);
     let changed = |at: usize, by: &[u8]| {
         let mut bytes = whole.clone();
         bytes[at..at + by.len()].copy_from_slice(by);
