@@ -232,17 +232,23 @@ fn spoil(value: &mut Value) -> bool {
 
 #[test]
 fn a_wrong_byte_to_the_machine_is_reported_with_the_line_that_was_cut() {
-    let mut count = 0;
     let change = |bag: &mut TestBag| {
+        let traffic = bag.all::<wire::ControllerTraffic>();
+        let mut entries: Vec<_> = traffic.into_iter().flat_map(|it| it.entries).collect();
+        // Batches may be in any order in the file.
+        entries.sort_by_key(|entry| entry.sequence);
+        // What comes before the checkpoint is not played.
+        let is_checkpoint =
+            |entry: &wire::TrafficEntry| entry.kind == wire::TrafficEntry::KIND_CHECKPOINT;
+        let checkpoint = entries.iter().rposition(is_checkpoint).expect("a checkpoint");
+        let is_block = |entry: &&wire::TrafficEntry| {
+            entry.kind == wire::TrafficEntry::KIND_TRANSMITTED && entry.data.first() == Some(&b'G')
+        };
+        let fifth = entries[checkpoint..].iter().filter(is_block).nth(4).expect("five blocks");
+        let sequence = fifth.sequence;
         bag.change(|traffic: &mut wire::ControllerTraffic| {
-            for entry in &mut traffic.entries {
-                let is_block = entry.kind == wire::TrafficEntry::KIND_TRANSMITTED
-                    && entry.data.first() == Some(&b'G');
-                count += usize::from(is_block);
-                if is_block && count == 5 {
-                    entry.data[1] = b'9';
-                }
-            }
+            let of_number = traffic.entries.iter_mut().filter(|it| it.sequence == sequence);
+            of_number.for_each(|entry| entry.data[1] = b'9');
             true
         });
     };
