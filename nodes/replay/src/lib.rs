@@ -8,9 +8,11 @@
 //!   inputs of a core; `guard`: whether all inputs are there
 //! - `loader`, `planner`, `driver`: one core each; `run_end`, `states`: the driver's result and
 //!   states of a run
+//! - `bounds`: bounds of a program in old and new bags
 //! - `compare`, `path_difference`, `controller_lines`, `tolerances`: what counts as the same
 //! - `output`, `update`, `trim`: new bags; `report`: the texts
 
+pub mod bounds;
 pub mod compare;
 mod controller_lines;
 mod driver;

@@ -1,5 +1,6 @@
 //! Replays the loader's core on recorded program texts.
 
+use super::bounds::comparable;
 use super::compare::Comparison;
 use super::inputs::CoreInputs;
 use super::output::Output;
@@ -7,7 +8,6 @@ use super::recording::Recording;
 use super::{ReplayError, refused_loads};
 use cnc_msgs::chunk::ContourChunks;
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, ProgrammedContour};
-use cnc_msgs::wire::geometry_msgs::msg::Point;
 use cnc_msgs::wire::rcl_interfaces::msg::{ParameterType, ParameterValue};
 use program_loader::limits::FlowLimits;
 use program_loader::{LoadOptions, load};
@@ -77,18 +77,6 @@ pub(crate) fn replay(
         inputs.hand_on_contour(id, made.as_ref().map(|(manifest, cut)| (manifest, cut)))?;
     }
     refused_loads::replay(&inputs.recording, comparison)
-}
-
-/// The same with a number for bounds that are none: an axis that the program does not name has
-/// NaN, which no comparison takes as equal. Older bags have an infinity there.
-fn comparable(manifest: &ProgrammedContour) -> ProgrammedContour {
-    let known = |value: f64| if value.is_finite() { value } else { f64::MAX };
-    let corner = |Point { x, y, z }: &Point| Point { x: known(*x), y: known(*y), z: known(*z) };
-    ProgrammedContour {
-        bounds_min: corner(&manifest.bounds_min),
-        bounds_max: corner(&manifest.bounds_max),
-        ..manifest.clone()
-    }
 }
 
 /// Whether blocks that begin with a slash were skipped.

@@ -20,6 +20,7 @@ use cnc_msgs::contour::ProgrammedContour as Contour;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::wire::action_msgs::msg::GoalStatus;
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, ProgrammedContour};
+use replay::bounds::comparable;
 use replay::compare::Comparison;
 use replay::planner::compare_paths;
 use replay::recording::{RecordedPlan, Recording};
@@ -89,7 +90,11 @@ fn contours(was: RecordedRun<'_>, now: RecordedRun<'_>, comparison: &mut Compari
     let (Some(was), Some(now)) = (find(was), find(now)) else {
         return comparison.differs("programmed_contour", "count", "one of the two is missing");
     };
-    comparison.message("programmed_contour", &was.manifest, &now.manifest);
+    comparison.message(
+        "programmed_contour",
+        &comparable(&was.manifest),
+        &comparable(&now.manifest),
+    );
     // Inputs of the core, which the node has to pass on. Later versions may add rules to the text
     // of the profile.
     let handed_on = |of: &ProgrammedContour| (of.name.clone(), of.control.clone());
