@@ -1,3 +1,5 @@
+//! Values of expressions, and wrong expressions, in tables.
+
 use super::*;
 use crate::parameters::Parameters;
 
