@@ -85,6 +85,18 @@ pub(crate) struct World<'w, 'r> {
     pub(crate) findings: &'w mut Findings,
 }
 
+impl<'r> World<'_, 'r> {
+    /// The values that parameters have in a line.
+    fn values(&self, line: Line<'_>) -> Values<'_, 'r> {
+        Values {
+            parameters: self.parameters,
+            interpreter: self.interpreter,
+            line: line.number,
+            is_single_block: false,
+        }
+    }
+}
+
 impl<'t> Flow<'t> {
     pub(crate) fn new(text: &'t [u8], map: FlowMap, limits: FlowLimits) -> Self {
         Self {
@@ -317,12 +329,7 @@ impl<'t> Flow<'t> {
         statement: &Statement<'_>,
         world: &mut World<'_, '_>,
     ) -> Result<Next, Stopped> {
-        let values = Values {
-            parameters: world.parameters,
-            interpreter: world.interpreter,
-            line: line.number,
-            is_single_block: false,
-        };
+        let values = world.values(line);
         let name: Box<str> = match &statement.name {
             Name::Known(name) => name.clone().into(),
             Name::Computed(start) => match expression::value(line.text, *start, &values) {
@@ -528,12 +535,7 @@ impl<'t> Flow<'t> {
         statement: &Statement<'_>,
         world: &mut World<'_, '_>,
     ) -> Result<f64, Stopped> {
-        let values = Values {
-            parameters: world.parameters,
-            interpreter: world.interpreter,
-            line: line.number,
-            is_single_block: false,
-        };
+        let values = world.values(line);
         let at = statement::skip_remarks(line.text, statement.arguments);
         if at >= statement.end {
             let word = statement.keyword.word();
