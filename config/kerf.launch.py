@@ -31,6 +31,8 @@ ARGUMENTS = (
     ('tool_table', '', "YAML file of the tools; empty: the parameters' own"),
     ('program_directories', '',
      "folders of programs that are loaded by path, with : between; empty: the parameters' own"),
+    ('subroutine_directories', '',
+     "folders of subroutines that programs call, with : between; empty: the parameters' own"),
     ('control_directories', '',
      "folders of profiles that requests name, with : between; empty: the parameters' own"),
     ('enclave', '', 'where the keys of the nodes are, /kerf for /kerf/axis_driver and so on'),
@@ -58,7 +60,7 @@ def start(context):
     own = {name: {} for name in NODES}
     if given['tool_table']:
         own['compensation_planner']['tool_table'] = os.path.abspath(given['tool_table'])
-    for name in ('program_directories', 'control_directories'):
+    for name in ('program_directories', 'subroutine_directories', 'control_directories'):
         if given[name]:
             own['program_loader'][name] = [
                 os.path.abspath(folder) for folder in given[name].split(':')]

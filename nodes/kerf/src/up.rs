@@ -43,7 +43,7 @@ fn folders(read: &StackParameters) -> Vec<String> {
         return Vec::new();
     };
     let mut words = vec!["--ros-args".to_owned()];
-    for name in ["program_directories", "control_directories"] {
+    for name in ["program_directories", "subroutine_directories", "control_directories"] {
         let given = read.nodes["program_loader"].get(name).cloned();
         let mut all: Vec<String> =
             given.and_then(|folders| folders.try_into().ok()).unwrap_or_default();

@@ -192,6 +192,28 @@ impl GWord {
     }
 }
 
+impl GWord {
+    /// Whether it changes only what later blocks mean, and only in this program.
+    pub(crate) const fn only_acts_later(self) -> bool {
+        matches!(
+            self,
+            Self::Offset(
+                OffsetWord::Local
+                    | OffsetWord::Axis
+                    | OffsetWord::AxisOff { .. }
+                    | OffsetWord::AxisRestore
+            )
+        )
+    }
+}
+
+impl MWord {
+    /// Whether it acts only on later blocks of this program.
+    pub(crate) const fn only_acts_later(self) -> bool {
+        matches!(self, Self::State(_) | Self::CallProgram | Self::EndProgram)
+    }
+}
+
 /// What axis words mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Mode {

@@ -4,19 +4,19 @@
 //! interpreter's. A program without O words never comes here.
 
 mod map;
+mod scene;
 mod statement;
 
-use crate::expression::{self, ExpressionError};
 use crate::findings::Findings;
 use crate::limits::FlowLimits;
 use crate::line::Line;
-use crate::parameters::{ARGUMENTS, Parameters};
-use crate::values::Values;
-use cnc_msgs::contour::Source;
+use crate::parameters::ARGUMENTS;
 use cnc_msgs::finding::{Code, Finding};
 pub(crate) use map::{Cursor, FlowMap};
 use map::{line_at, shown};
-use statement::{Keyword, Name, Statement};
+pub(crate) use scene::World;
+use scene::{Scene, Stopped};
+use statement::Keyword;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -76,25 +76,6 @@ struct Loop {
     pass: u64,
     /// Of a `repeat`: passes after this one.
     rest: u64,
-}
-
-/// What a statement may ask and change.
-pub(crate) struct World<'w, 'r> {
-    pub(crate) parameters: &'w mut Parameters,
-    pub(crate) interpreter: &'w crate::interpreter::Interpreter<'r>,
-    pub(crate) findings: &'w mut Findings,
-}
-
-impl<'r> World<'_, 'r> {
-    /// The values that parameters have in a line.
-    fn values(&self, line: Line<'_>) -> Values<'_, 'r> {
-        Values {
-            parameters: self.parameters,
-            interpreter: self.interpreter,
-            line: line.number,
-            is_single_block: false,
-        }
-    }
 }
 
 impl<'t> Flow<'t> {
@@ -184,20 +165,15 @@ impl<'t> Flow<'t> {
         world: &mut World<'_, '_>,
     ) -> Next {
         let Some(index) = self.map.find(offset) else { return Next::Block };
+        // All were read when the text was searched for them.
         let Some(Ok(statement)) = statement::read(line.text) else { return Next::Stop };
-        match self.execute(index, line, &statement, world) {
+        match self.execute(index, &mut Scene { line, statement, world }) {
             Ok(next) => next,
             Err(Stopped) => Next::Stop,
         }
     }
 
-    fn execute(
-        &mut self,
-        index: usize,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-    ) -> Result<Next, Stopped> {
+    fn execute(&mut self, index: usize, scene: &mut Scene<'_, '_, '_>) -> Result<Next, Stopped> {
         let entry = &self.map.entries[index];
         let (at, partner, keyword) = (entry.at, entry.partner, entry.keyword);
         match keyword {
@@ -205,13 +181,13 @@ impl<'t> Flow<'t> {
                 if self.entering.take() == Some(index) {
                     return Ok(Next::Block);
                 }
-                if world.interpreter.has_begun() {
+                if scene.world.interpreter.has_begun() {
                     let name = &entry.name;
                     let message =
                         format!("program O{name} begins before the end of the one before it");
                     let help =
                         "end the program before it with M2, M30 or M99, or delete the number";
-                    return Err(self.refuse(line, statement, world, Code::Syntax, message, help));
+                    return Err(scene.refuse(Code::Syntax, message, help));
                 }
                 return Ok(Next::Block);
             }
@@ -219,11 +195,11 @@ impl<'t> Flow<'t> {
                 // A definition is skipped; a branch before this one has been executed.
                 return Ok(Next::Jump(self.after_branches(index)));
             }
-            Keyword::If => return self.condition(index, line, statement, world),
+            Keyword::If => return self.condition(index, scene),
             Keyword::EndIf => {}
             Keyword::While => {
                 let is_running = self.top().is_some_and(|running| running.entry == index);
-                let holds = self.truth(line, statement, world)?;
+                let holds = scene.truth()?;
                 if !holds {
                     if is_running {
                         self.loops().pop();
@@ -235,14 +211,14 @@ impl<'t> Flow<'t> {
             Keyword::EndWhile => return Ok(Next::Jump(self.map.entries[partner].at)),
             Keyword::Do => self.begin_pass(index),
             Keyword::DoWhile => {
-                let holds = self.truth(line, statement, world)?;
+                let holds = scene.truth()?;
                 if holds {
                     return Ok(Next::Jump(self.map.entries[partner].at));
                 }
                 self.loops().pop();
             }
             Keyword::Repeat => {
-                let passes = self.value(line, statement, world)?.round();
+                let passes = scene.value()?.round();
                 if passes < 1.0 {
                     return Ok(Next::Jump(self.map.entries[partner].next));
                 }
@@ -274,12 +250,12 @@ impl<'t> Flow<'t> {
                 };
                 return Ok(Next::Jump(to));
             }
-            Keyword::Call => return self.call(at, line, statement, world),
+            Keyword::Call => return self.call(at, scene),
             Keyword::EndSub | Keyword::Return => {
-                return self.end_of_sub(line, statement, world);
+                return self.end_of_sub(scene);
             }
         }
-        self.nothing_follows(line, statement, world)
+        scene.nothing_follows().map(|()| Next::Line)
     }
 
     /// The end of a chain of branches that begins or goes on here, or of a definition.
@@ -295,14 +271,8 @@ impl<'t> Flow<'t> {
     }
 
     /// `if`, and its `elseif`s until one holds.
-    fn condition(
-        &mut self,
-        index: usize,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-    ) -> Result<Next, Stopped> {
-        if self.truth(line, statement, world)? {
+    fn condition(&mut self, index: usize, scene: &mut Scene<'_, '_, '_>) -> Result<Next, Stopped> {
+        if scene.truth()? {
             return Ok(Next::Line);
         }
         let mut at = self.map.entries[index].partner;
@@ -315,49 +285,21 @@ impl<'t> Flow<'t> {
             }
             let line = line_at(self.text, place);
             let Some(Ok(statement)) = statement::read(line.text) else { return Err(Stopped) };
-            if self.truth(line, &statement, world)? {
+            let mut branch = Scene { line, statement, world: &mut *scene.world };
+            if branch.truth()? {
                 return Ok(Next::Jump(next));
             }
             at = partner;
         }
     }
 
-    fn call(
-        &mut self,
-        at: Cursor,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-    ) -> Result<Next, Stopped> {
-        let values = world.values(line);
-        let name: Box<str> = match &statement.name {
-            Name::Known(name) => name.clone().into(),
-            Name::Computed(start) => match expression::value(line.text, *start, &values) {
-                Ok((value, _)) if value.is_nan() => return Err(Stopped),
-                Ok((value, _)) => format!("{}", value.round()).into(),
-                Err(error) => return Err(self.wrong_value(line, statement, world, &error)),
-            },
-        };
-        let mut arguments = Vec::new();
-        let mut next = statement.arguments;
-        loop {
-            next = statement::skip_remarks(line.text, next);
-            if next >= statement.end || line.text[next] != b'[' {
-                break;
-            }
-            match expression::value(line.text, next, &values) {
-                Ok((value, _)) if value.is_nan() => return Err(Stopped),
-                Ok((value, end)) => (arguments.push(value), next = end).1,
-                Err(error) => return Err(self.wrong_value(line, statement, world, &error)),
-            }
-        }
+    fn call(&mut self, at: Cursor, scene: &mut Scene<'_, '_, '_>) -> Result<Next, Stopped> {
+        let name = scene.name()?;
+        let arguments = scene.arguments()?;
         if arguments.len() > ARGUMENTS {
             let message = format!("{} arguments; a subroutine has {ARGUMENTS}", arguments.len());
             let help = "set parameters from #31 on before the call";
-            return Err(self.refuse(line, statement, world, Code::Limit, message, help));
-        }
-        if next < statement.end {
-            return Err(self.unexpected(line, statement, next, world));
+            return Err(scene.refuse(Code::Limit, message, help));
         }
         let Some(&entry) = self.map.subs.get(&name) else {
             let what = shown(&name);
@@ -374,9 +316,10 @@ impl<'t> Flow<'t> {
                     format!("write o{what} sub ... o{what} endsub into the program"),
                 ),
             };
-            return Err(self.refuse(line, statement, world, Code::Syntax, message, &help));
+            return Err(scene.refuse(Code::Syntax, message, &help));
         };
-        self.enter(line, statement.start, statement.end, world.findings)?;
+        let Scene { line, statement, world } = scene;
+        self.enter(*line, statement.start, statement.end, world.findings)?;
         let saved = Some(Box::new(world.parameters.enter(&arguments)));
         world.parameters.set_returned(None);
         let return_to = next_line(self.text, at);
@@ -466,38 +409,25 @@ impl<'t> Flow<'t> {
         Err(Stopped)
     }
 
-    fn end_of_sub(
-        &mut self,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-    ) -> Result<Next, Stopped> {
-        let at = statement::skip_remarks(line.text, statement.arguments);
-        let returned = match at < statement.end {
-            true => Some(self.value(line, statement, world)?),
-            false => None,
-        };
+    fn end_of_sub(&mut self, scene: &mut Scene<'_, '_, '_>) -> Result<Next, Stopped> {
+        let returned = scene.optional_value()?;
         let call = self.frames.last_mut().and_then(|frame| frame.call.as_mut());
         let left = call.and_then(|call| Some((call.return_to, call.saved.take()?)));
         let Some((return_to, saved)) = left else {
-            let word = statement.keyword.word();
+            let word = scene.statement.keyword.word();
             let message = format!("{word} ends a subroutine, and none has been called with call");
             let help = "a program that M98 calls ends with M99";
-            return Err(self.refuse(line, statement, world, Code::Syntax, message, help));
+            return Err(scene.refuse(Code::Syntax, message, help));
         };
         self.frames.pop();
-        world.parameters.leave(&saved);
-        world.parameters.set_returned(returned);
+        scene.world.parameters.leave(&saved);
+        scene.world.parameters.set_returned(returned);
         Ok(Next::Jump(return_to))
     }
 
     /// The loops that are running in this subroutine.
     fn loops(&mut self) -> &mut Vec<Loop> {
-        if self.frames.is_empty() {
-            self.frames.push(Frame::default());
-        }
-        let last = self.frames.len() - 1;
-        &mut self.frames[last].loops
+        &mut self.frames.last_mut().expect("the main program is never left").loops
     }
 
     fn top(&self) -> Option<&Loop> {
@@ -518,108 +448,6 @@ impl<'t> Flow<'t> {
             self.loops().pop();
         }
     }
-
-    fn truth(
-        &mut self,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-    ) -> Result<bool, Stopped> {
-        Ok(self.value(line, statement, world)? != 0.0)
-    }
-
-    /// The one value of a statement.
-    fn value(
-        &mut self,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-    ) -> Result<f64, Stopped> {
-        let values = world.values(line);
-        let at = statement::skip_remarks(line.text, statement.arguments);
-        if at >= statement.end {
-            let word = statement.keyword.word();
-            let message = format!("{word} has no value");
-            let help = format!("write {word} [ ... ]");
-            return Err(self.refuse(line, statement, world, Code::MissingWord, message, &help));
-        }
-        match expression::value(line.text, at, &values) {
-            // It has been reported why.
-            Ok((value, _)) if value.is_nan() => Err(Stopped),
-            Ok((value, end)) => {
-                let end = statement::skip_remarks(line.text, end);
-                if end < statement.end {
-                    return Err(self.unexpected(line, statement, end, world));
-                }
-                Ok(value)
-            }
-            Err(error) => Err(self.wrong_value(line, statement, world, &error)),
-        }
-    }
-
-    fn nothing_follows(
-        &mut self,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-    ) -> Result<Next, Stopped> {
-        let has_value = matches!(statement.keyword, Keyword::While | Keyword::Repeat);
-        let at = statement::skip_remarks(line.text, statement.arguments);
-        if !has_value && at < statement.end {
-            return Err(self.unexpected(line, statement, at, world));
-        }
-        Ok(Next::Line)
-    }
-
-    fn unexpected(
-        &self,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        at: usize,
-        world: &mut World<'_, '_>,
-    ) -> Stopped {
-        let quote = line.quote(at, statement.end);
-        let message = format!("`{quote}` after {}", statement.keyword.word());
-        let help = "write it into a line of its own";
-        let source = line.source(statement.block, at, statement.end);
-        world.findings.push(Finding::error(Code::Syntax, source, message).help(help));
-        Stopped
-    }
-
-    fn wrong_value(
-        &self,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-        error: &ExpressionError,
-    ) -> Stopped {
-        world.findings.push(finding_of(line, statement.block, error));
-        Stopped
-    }
-
-    fn refuse(
-        &self,
-        line: Line<'_>,
-        statement: &Statement<'_>,
-        world: &mut World<'_, '_>,
-        code: Code,
-        message: String,
-        help: &str,
-    ) -> Stopped {
-        let source = line.source(statement.block, statement.start, statement.end);
-        world.findings.push(Finding::error(code, source, message).help(help));
-        Stopped
-    }
-}
-
-/// An error has been reported, after which nothing can be executed.
-struct Stopped;
-
-/// The finding of an expression without a value.
-pub(crate) fn finding_of(line: Line<'_>, block: Option<u32>, error: &ExpressionError) -> Finding {
-    let source: Source = line.source(block, error.start, error.end);
-    let message = error.trouble.message(&line.quote(error.start, error.end));
-    Finding::error(Code::BadNumber, source, message).help(error.trouble.help())
 }
 
 /// The line after the one that begins here.

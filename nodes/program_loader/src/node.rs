@@ -6,8 +6,9 @@
 mod chunks;
 mod health;
 mod lifecycle;
+mod parameters;
 
-use crate::limits::{FlowLimits, PROGRAM_BYTES_MAX};
+use crate::limits::PROGRAM_BYTES_MAX;
 use crate::subroutines::with_subroutines;
 use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
@@ -26,9 +27,10 @@ use cnc_msgs::wire::std_msgs::msg::Header;
 use intake::file::ReadError;
 use intake::folders::{Folders, LookupError};
 use intake::text::one_line;
+pub use parameters::parameters;
 use runtime::chunks::{ChunkTopic, Cut};
 use runtime::commands::{Answer, CommandLog};
-use runtime::{Declared, Handle, Publisher, Qos, RequestInfo};
+use runtime::{Handle, Publisher, Qos, RequestInfo};
 use settings::ProfileError;
 use std::path::Path;
 use std::process::ExitCode;
@@ -40,62 +42,6 @@ const FINDINGS_BYTES_MAX: usize = 40_000;
 /// Runs the node until it is shut down.
 pub fn main(args: Vec<String>) -> ExitCode {
     runtime::run_managed("program_loader", parameters(), &args, start)
-}
-
-/// The node's parameters.
-pub fn parameters() -> Vec<Declared> {
-    vec![
-        Declared::new(
-            "control",
-            "rs274",
-            "control profile of programs that do not name one: a built-in name, or a YAML file",
-        )
-        .read_only()
-        .formerly("controller"),
-        Declared::new(
-            "frame_id",
-            "work",
-            "frame of the programmed contour; work stands after the namespace of the node \
-             (cell/mill/work), /work does not",
-        )
-        .read_only(),
-        Declared::new("block_delete", false, "whether blocks that begin with / are skipped")
-            .read_only(),
-        Declared::new(
-            "program_directories",
-            Vec::<String>::new(),
-            "folders in which `path` of load_program is looked up; empty: none, programs come as \
-             text or upload",
-        )
-        .read_only(),
-        Declared::new(
-            "subroutine_directories",
-            Vec::<String>::new(),
-            "folders with the files of subroutines that a program calls and does not define: \
-             o<pocket> call reads pocket.ngc",
-        )
-        .read_only(),
-        Declared::new(
-            "executed_blocks_max",
-            FlowLimits::default().blocks_max as i64,
-            "blocks that a program with loops and subroutines may execute",
-        )
-        .integer_within(1, i64::from(u32::MAX))
-        .read_only(),
-        Declared::new(
-            "subroutine_depth_max",
-            FlowLimits::default().depth_max as i64,
-            "subroutines that may be inside each other",
-        )
-        .integer_within(1, 10_000)
-        .read_only(),
-        Declared::new(
-            "control_directories",
-            Vec::<String>::new(),
-            "folders in which a YAML file that a request names as its `control` is looked up",
-        )
-        .read_only(),
-    ]
 }
 
 async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
@@ -209,12 +155,6 @@ fn refuse<T>(code: u16, message: impl std::fmt::Display) -> Result<T, Refusal> {
 impl Loader {
     fn new(node: &Handle) -> Result<Self, runtime::Error> {
         let control: String = node.parameter("control");
-        let flow = FlowLimits {
-            blocks_max: node.parameter::<i64>("executed_blocks_max").unsigned_abs(),
-            depth_max: usize::try_from(node.parameter::<i64>("subroutine_depth_max")).unwrap_or(1),
-        };
-        let block_delete = node.parameter("block_delete");
-        let options = LoadOptions { block_delete, flow, ..LoadOptions::default() };
         Ok(Self {
             node: node.clone(),
             control,
@@ -235,7 +175,7 @@ impl Loader {
                 "work" => format!("{}work", node.names().frame_prefix("")),
                 given => given.trim_start_matches('/').to_owned(),
             },
-            options,
+            options: parameters::options(node),
             program: node.publisher("program", Qos::LATCHED)?,
             program_topic: ChunkTopic::new(node, "program/chunks")?,
             contour: node.publisher("programmed_contour", Qos::LATCHED)?,

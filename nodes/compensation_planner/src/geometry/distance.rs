@@ -54,9 +54,9 @@ pub(crate) fn nearest_between(path: &Element, wall: &Element) -> Nearest {
     best
 }
 
-/// Whether two elements are certainly at least so far apart, mm, as far as a few products show: one
-/// is beside the other's line, inside or outside its circle, or behind it. Settles most pairs whose
-/// boxes are near.
+/// Whether two elements are certainly at least this far apart, mm. A few products show it: one lies on
+/// one side of the other's line, inside its circle, outside its circle, or beyond its ends. This
+/// decides most pairs whose boxes are near.
 pub(crate) fn are_apart(a: &Element, b: &Element, limit_mm: f64) -> bool {
     match (a, b) {
         (Element::Line(a), Element::Line(b)) => {

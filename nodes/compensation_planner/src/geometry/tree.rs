@@ -6,10 +6,15 @@
 //! contour. A node also knows the *chain* of its elements.
 //! Pairs within a chain need no check; that makes long smooth contours cheap.
 
+mod flat;
+mod hilbert;
+
 use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::NO_CHAIN;
 use crate::geometry::element::Element;
 use crate::geometry::tolerance::LENGTH_MM;
+pub(crate) use flat::FLAT_MAX;
+use flat::{compare_all, compare_each, is_flat};
 use std::cell::Cell;
 use std::ops::{ControlFlow, Range};
 
@@ -26,10 +31,6 @@ pub(crate) const LEAF: usize = 8;
 
 /// The most boxes of one element.
 const PARTS_MAX: f64 = 16.0;
-
-/// Up to so many elements, no more than the bits of a word, each has a box of its own, and all boxes
-/// are compared: a tree would cost more than it saves.
-pub(crate) const FLAT_MAX: usize = 48;
 
 /// The boxes of elements that share a lowest box.
 fn boxes_of(items: Range<usize>, bounds: impl Fn(usize) -> Bounds) -> [Bounds; LEAF] {
@@ -232,73 +233,6 @@ impl Tree {
     }
 }
 
-/// Whether there are so few elements that no tree is built.
-fn is_flat<T>(items: &impl Iterator<Item = T>) -> bool {
-    items.size_hint().1.is_some_and(|most| most <= FLAT_MAX)
-}
-
-/// See [`Tree::near_pairs`], between flat trees.
-fn compare_all(
-    a: &[Leaf],
-    b: &[Leaf],
-    reach_squared: f64,
-    budget: &mut usize,
-    mut visit: impl FnMut(usize, usize) -> ControlFlow<()>,
-) -> bool {
-    if *budget == 0 {
-        return false;
-    }
-    let all = |leaves: &[Leaf]| {
-        leaves.iter().fold(Bounds::EMPTY, |all, leaf| all.union(leaf.node.bounds))
-    };
-    let is_near = |a: &Bounds, b: &Bounds| a.gap_squared(b) <= reach_squared;
-    // One contour inside another is near to a few of its elements only.
-    let (all_a, all_b) = (all(a), all(b));
-    let bit =
-        |(index, leaf): (usize, &Leaf)| u64::from(is_near(&leaf.node.bounds, &all_a)) << index;
-    let near_b = b.iter().enumerate().map(bit).fold(0, |all, bit| all | bit);
-    let count = near_b.count_ones() as usize;
-    for a in a.iter().filter(|leaf| is_near(&leaf.node.bounds, &all_b)) {
-        *budget = budget.saturating_sub(count / LEAF);
-        let mut left = near_b;
-        while left != 0 {
-            let b = &b[left.trailing_zeros() as usize];
-            left &= left - 1;
-            let is_chain = a.node.chain == b.node.chain && a.node.chain != NO_CHAIN;
-            if !is_chain
-                && is_near(&a.node.bounds, &b.node.bounds)
-                && visit(a.first as usize, b.first as usize).is_break()
-            {
-                return true;
-            }
-        }
-    }
-    true
-}
-
-/// See [`Tree::near_itself`], of a flat tree.
-fn compare_each(
-    leaves: &[Leaf],
-    reach_squared: f64,
-    budget: &mut usize,
-    mut visit: impl FnMut(usize, usize) -> ControlFlow<()>,
-) -> bool {
-    if *budget == 0 {
-        return false;
-    }
-    *budget = budget.saturating_sub(leaves.len() * leaves.len() / (2 * LEAF));
-    for (index, early) in leaves.iter().enumerate() {
-        for late in &leaves[index + 1..] {
-            if early.node.bounds.gap_squared(&late.node.bounds) <= reach_squared
-                && visit(early.first as usize, late.first as usize).is_break()
-            {
-                return true;
-            }
-        }
-    }
-    true
-}
-
 /// [`search`], where the boxes of a flat tree are looked for one after another.
 fn search_all(
     trees: [&Tree; 2],
@@ -449,12 +383,12 @@ impl Leaves {
     fn tree(self) -> Tree {
         let Self { mut leaves, widest_mm } = self;
         let all = leaves.iter().fold(Bounds::EMPTY, |all, leaf| all.union(leaf.node.bounds));
-        let side = f64::from(HILBERT_SIDE - 1);
+        let side = f64::from(hilbert::SIDE - 1);
         let scale = (all.high - all.low).map(|extent| side / extent.max(LENGTH_MM));
         leaves.sort_by_cached_key(|leaf| {
             let Bounds { low, high } = leaf.node.bounds;
             let cell = ((low + high) / 2.0 - all.low).component_mul(&scale);
-            hilbert(cell.x as u32, cell.y as u32)
+            hilbert::along(cell.x as u32, cell.y as u32)
         });
         let mut above: Vec<Node> = Vec::new();
         if leaves.len() > 1 {
@@ -480,27 +414,6 @@ impl Leaves {
     }
 }
 
-/// Cells along one side of the square that a Hilbert curve fills.
-const HILBERT_SIDE: u32 = 1 << 16;
-
-/// The place of a cell along the Hilbert curve.
-fn hilbert(mut x: u32, mut y: u32) -> u32 {
-    let mut along = 0;
-    let mut side = HILBERT_SIDE / 2;
-    while side > 0 {
-        let (right, top) = (u32::from(x & side > 0), u32::from(y & side > 0));
-        along += side * side * ((3 * right) ^ top);
-        if top == 0 {
-            if right == 1 {
-                (x, y) = (HILBERT_SIDE - 1 - x, HILBERT_SIDE - 1 - y);
-            }
-            (x, y) = (y, x);
-        }
-        side /= 2;
-    }
-    along
-}
-
 impl Node {
     fn and(&self, other: &Self) -> Self {
         Self {
@@ -511,112 +424,4 @@ impl Node {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::element::Vec2;
-    use proptest::prelude::*;
-    use std::collections::BTreeSet;
-
-    fn line(&[x, y, dx, dy]: &[f64; 4]) -> Element {
-        let start = Vec2::new(x, y);
-        Element::line(start, start + Vec2::new(dx, dy)).expect("a length")
-    }
-
-    proptest! {
-        #[test]
-        fn no_pair_that_is_near_is_missed(
-            lines in prop::collection::vec(prop::array::uniform4(0.1..20.0_f64), 1..120),
-            others in prop::collection::vec(prop::array::uniform4(0.1..20.0_f64), 1..120),
-            reach in 0.0..5.0_f64,
-        ) {
-            let boxes = |lines: &[[f64; 4]]| -> Vec<Bounds> {
-                lines.iter().map(|numbers| Bounds::of(&line(numbers))).collect()
-            };
-            let (a, b) = (boxes(&lines), boxes(&others));
-            let tree = |boxes: &[Bounds]| Tree::new(boxes.iter().map(|bounds| (*bounds, NO_CHAIN)));
-            let mut seen = BTreeSet::new();
-            let both = (|one: usize| a[one], |other: usize| b[other]);
-            let mut all = usize::MAX;
-            let is_complete = tree(&a).near_pairs(&tree(&b), reach, &mut all, both, |a, b| {
-                seen.insert((a, b));
-                ControlFlow::Continue(())
-            });
-            prop_assert!(is_complete);
-            let mut within = BTreeSet::new();
-            tree(&a).near_itself(reach, &mut all, |one| a[one], |early, late| {
-                within.insert((early, late));
-                ControlFlow::Continue(())
-            });
-            for (late, early) in (0..a.len()).flat_map(|late| (0..late).map(move |it| (late, it))) {
-                let is_near = a[early].gap_squared(&a[late]) <= reach * reach;
-                prop_assert_eq!(is_near, within.contains(&(early, late)), "{} {}", early, late);
-            }
-            let mut seen_alone = BTreeSet::new();
-            for (i, one) in a.iter().enumerate() {
-                tree(&b).near_box(one, reach, &mut usize::MAX.clone(), |b| {
-                    seen_alone.extend(b.map(|b| (i, b)));
-                    ControlFlow::Continue(())
-                });
-            }
-            for (i, one) in a.iter().enumerate() {
-                for (j, other) in b.iter().enumerate() {
-                    let is_near = one.gap_squared(other) <= reach * reach;
-                    prop_assert_eq!(is_near, seen.contains(&(i, j)), "{} {}", i, j);
-                    prop_assert!(!is_near || seen_alone.contains(&(i, j)), "{i} {j}");
-                }
-            }
-        }
-    }
-
-    /// Boxes visited for each line of a spiral of so many lines of 2 mm, with 12 mm between its
-    /// turns, to find what is near.
-    fn visits_of_a_spiral(count: usize) -> f64 {
-        let point = |index: usize| {
-            let radius = (12.0 * 2.0 * index as f64 / std::f64::consts::PI).sqrt();
-            let (y, x) = (radius / 12.0 * std::f64::consts::TAU).sin_cos();
-            Vec2::new(x, y) * radius
-        };
-        let lines = (0..count).map(|index| Element::line(point(index), point(index + 1)));
-        let tree = Tree::of_elements(lines.map(|line| (line, NO_CHAIN)), 24.0);
-        let all = usize::MAX;
-        let mut left = all;
-        let bounds = |_| Bounds::EMPTY;
-        assert!(tree.near_itself(3.0, &mut left, bounds, |_, _| ControlFlow::Continue(())));
-        (all - left) as f64 / count as f64
-    }
-
-    #[test]
-    fn ten_times_as_long_a_spiral_takes_about_ten_times_as_many_visits() {
-        let [short, long] = [10_000, 100_000].map(visits_of_a_spiral);
-        assert!(long < 1.5 * short, "{short} and {long} a line");
-    }
-
-    #[test]
-    fn a_long_element_has_several_boxes_and_short_ones_share_one() {
-        let lines = [[0.0, 0.0, 80.0, 60.0], [80.0, 60.0, 1.0, 1.0], [81.0, 61.0, 1.0, 2.0]];
-        // Few elements would have a box each.
-        let none = std::iter::repeat_n((None, NO_CHAIN), FLAT_MAX);
-        let items = lines.iter().map(|numbers| (Some(line(numbers)), NO_CHAIN)).chain(none);
-        let tree = Tree::of_elements(items, 20.0);
-        let mut items: Vec<_> = tree.leaves.iter().map(|leaf| (leaf.first, leaf.count)).collect();
-        items.sort_unstable();
-        assert_eq!(items, [(0, 1), (0, 1), (0, 1), (1, 2)]);
-    }
-
-    #[test]
-    fn the_curve_visits_each_cell_once_and_goes_to_a_neighbour_each_time() {
-        let shift = HILBERT_SIDE / 16;
-        let mut cells: Vec<(u32, [u32; 2])> = (0..256)
-            .map(|cell| [cell % 16, cell / 16])
-            .map(|[x, y]| (hilbert(x * shift, y * shift) / (shift * shift), [x, y]))
-            .collect();
-        cells.sort_unstable();
-        for (index, (along, _)) in cells.iter().enumerate() {
-            assert_eq!(*along as usize, index);
-        }
-        for pair in cells.windows(2) {
-            let [[ax, ay], [bx, by]] = [pair[0].1, pair[1].1];
-            assert_eq!(ax.abs_diff(bx) + ay.abs_diff(by), 1);
-        }
-    }
-}
+mod tests;

@@ -19,7 +19,7 @@ pub(super) const DOMAINS: std::ops::RangeInclusive<u16> = 215..=232;
 /// for silent.
 const POLL_INTERVAL_MS: i64 = 500;
 /// Parameters that depend on this computer, not on the recorded one.
-const OWN: [&str; 12] = [
+const OWN: [&str; 13] = [
     "port",
     "dtr",
     "rts",
@@ -27,6 +27,8 @@ const OWN: [&str; 12] = [
     "tool_table",
     "directory",
     "program_directories",
+    // What was read from them is in the recorded program.
+    "subroutine_directories",
     "control_directories",
     "report_directory",
     "memory_mb_max",

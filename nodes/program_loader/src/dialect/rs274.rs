@@ -217,8 +217,20 @@ mod tests {
     }
 
     #[test]
-    fn the_page_of_rs274_has_every_predefined_parameter() {
+    fn the_page_of_rs274_has_every_predefined_parameter_and_each_has_a_value() {
+        let profile = settings::load_profile("rs274").expect("the shipped profile");
+        let (rules, _) = crate::rules::Rules::of(&profile);
+        let interpreter = crate::interpreter::Interpreter::new(&rules, [0.0; 3], 0);
+        let parameters = crate::parameters::Parameters::default();
+        let values = crate::values::Values {
+            parameters: &parameters,
+            interpreter: &interpreter,
+            line: 1,
+            is_single_block: false,
+        };
         for name in PREDEFINED {
+            // A value, or an error that says that only the machine knows it.
+            assert!(crate::expression::Lookup::named(&values, name).is_some(), "{name}");
             let is_there = PAGE.contains(&format!("`{name}`"))
                 || name.starts_with("_abs_") && PAGE.contains("`_abs_x` to `_abs_w`");
             assert!(is_there, "{name}");

@@ -1,5 +1,8 @@
 //! What can be wrong with an expression, and what to do about it.
 
+use crate::line::Line;
+use cnc_msgs::finding::{Code, Finding};
+
 /// An expression without a value.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ExpressionError {
@@ -7,6 +10,15 @@ pub(crate) struct ExpressionError {
     /// Its place: bytes of the line.
     pub(crate) start: usize,
     pub(crate) end: usize,
+}
+
+impl ExpressionError {
+    /// The finding of it in a line, which may have an N number.
+    pub(crate) fn finding(&self, line: Line<'_>, block: Option<u32>) -> Finding {
+        let source = line.source(block, self.start, self.end);
+        let message = self.trouble.message(&line.quote(self.start, self.end));
+        Finding::error(Code::BadNumber, source, message).help(self.trouble.help())
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]

@@ -30,7 +30,7 @@ pub(crate) struct Entry {
     /// Empty if it is computed.
     pub(crate) name: Box<str>,
     /// By keyword: the end of a `sub`, `while`, `do` or `repeat`, and the beginning of an end; the
-    /// next branch of a condition; the loop of `break` and `continue`; the `sub` of `return`.
+    /// next branch of a condition; the loop of `break` and `continue`.
     pub(crate) partner: usize,
 }
 
@@ -242,9 +242,7 @@ impl FlowMap {
                 }
             }
             Keyword::Return => match open.first() {
-                Some(&outer) if self.entries[outer].keyword == Keyword::Sub => {
-                    entry.partner = outer;
-                }
+                Some(&outer) if self.entries[outer].keyword == Keyword::Sub => {}
                 _ => {
                     return Err((
                         format!("O{name} return is not inside a subroutine"),

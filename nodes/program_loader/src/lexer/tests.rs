@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::dialect;
+use crate::expression::Parameter;
 use cnc_msgs::profile::Dialect;
 
 /// The words as `LETTERvalue@start..end`, the N number, and the codes of the findings.

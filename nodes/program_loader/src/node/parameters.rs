@@ -1,0 +1,71 @@
+//! The parameters of the node, and the options that follow from them.
+
+use crate::LoadOptions;
+use crate::limits::FlowLimits;
+use runtime::{Declared, Handle};
+
+/// The node's parameters.
+pub fn parameters() -> Vec<Declared> {
+    vec![
+        Declared::new(
+            "control",
+            "rs274",
+            "control profile of programs that do not name one: a built-in name, or a YAML file",
+        )
+        .read_only()
+        .formerly("controller"),
+        Declared::new(
+            "frame_id",
+            "work",
+            "frame of the programmed contour; work stands after the namespace of the node \
+             (cell/mill/work), /work does not",
+        )
+        .read_only(),
+        Declared::new("block_delete", false, "whether blocks that begin with / are skipped")
+            .read_only(),
+        Declared::new(
+            "program_directories",
+            Vec::<String>::new(),
+            "folders in which `path` of load_program is looked up; empty: none, programs come as \
+             text or upload",
+        )
+        .read_only(),
+        Declared::new(
+            "subroutine_directories",
+            Vec::<String>::new(),
+            "folders with the files of subroutines that a program calls and does not define: \
+             o<pocket> call reads pocket.ngc",
+        )
+        .read_only(),
+        Declared::new(
+            "executed_blocks_max",
+            FlowLimits::default().blocks_max as i64,
+            "blocks that a program with loops and subroutines may execute",
+        )
+        .integer_within(1, i64::from(u32::MAX))
+        .read_only(),
+        Declared::new(
+            "subroutine_depth_max",
+            FlowLimits::default().depth_max as i64,
+            "subroutines that may be inside each other",
+        )
+        .integer_within(1, 10_000)
+        .read_only(),
+        Declared::new(
+            "control_directories",
+            Vec::<String>::new(),
+            "folders in which a YAML file that a request names as its `control` is looked up",
+        )
+        .read_only(),
+    ]
+}
+
+/// How programs are loaded.
+pub(super) fn options(node: &Handle) -> LoadOptions {
+    let depth_max = usize::try_from(node.parameter::<i64>("subroutine_depth_max"));
+    let flow = FlowLimits {
+        blocks_max: node.parameter::<i64>("executed_blocks_max").unsigned_abs(),
+        depth_max: depth_max.unwrap_or(1),
+    };
+    LoadOptions { block_delete: node.parameter("block_delete"), flow, ..LoadOptions::default() }
+}

@@ -1,0 +1,453 @@
+//! Reads a program line by line, and decides which line comes next.
+//!
+//! Knows where a program begins and ends, and blocks by hand; O words are [`flow`](crate::flow)'s,
+//! blocks the lexer's and the interpreter's.
+
+use crate::LoadOptions;
+use crate::block::Block;
+use crate::dialect::Dialect;
+use crate::findings::Findings;
+use crate::flow::{Cursor, Flow, FlowMap, Next, World};
+use crate::interpreter::{After, Interpreter, code_in_tenths};
+use crate::lexer;
+use crate::limits;
+use crate::line::Line;
+use crate::parameters::{CannotSet, Parameters};
+use crate::rules::Rules;
+use crate::values::Values;
+use cnc_msgs::contour::Source;
+use cnc_msgs::finding::{Code, Finding};
+
+/// Which part of the text is being read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Section {
+    /// No block yet.
+    Before,
+    /// Between the first block, or `%`, and the end.
+    Within,
+    /// After the end, which is in this line.
+    After { end_line: u32, is_reported: bool },
+}
+
+/// Reads one program.
+pub(crate) struct Reader<'r> {
+    text: &'r [u8],
+    rules: &'r Rules<'r>,
+    options: &'r LoadOptions,
+    interpreter: Interpreter<'r>,
+    findings: Findings,
+    block: Block,
+    section: Section,
+    has_blocks: bool,
+    parameters: Parameters,
+    /// Nothing where the program has no O words.
+    flow: Option<Flow<'r>>,
+}
+
+/// How a line ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    Line,
+    Jump(Cursor),
+    Stop,
+}
+
+impl<'r> Reader<'r> {
+    pub(crate) fn new(
+        text: &'r [u8],
+        rules: &'r Rules<'r>,
+        options: &'r LoadOptions,
+        interpreter: Interpreter<'r>,
+        flow: FlowMap,
+        findings: Findings,
+    ) -> Self {
+        Self {
+            text,
+            rules,
+            options,
+            interpreter,
+            findings,
+            block: Block::default(),
+            section: Section::Before,
+            has_blocks: false,
+            parameters: Parameters::default(),
+            flow: (!flow.entries.is_empty()).then(|| Flow::new(text, flow, options.flow)),
+        }
+    }
+
+    /// Reads and executes the program; returns what it has come to, and all findings.
+    pub(crate) fn read(mut self) -> (Interpreter<'r>, Findings) {
+        let text = self.text;
+        let mut cursor = Cursor { offset: 0, line: 1 };
+        let mut last_line = 0;
+        'jump: loop {
+            let from = cursor.offset;
+            let ends = memchr::memchr_iter(b'\n', &text[from..]).map(|end| from + end);
+            for end in ends.chain(std::iter::once(text.len())) {
+                last_line = cursor.line;
+                let whole = &text[cursor.offset.min(end)..end];
+                let line =
+                    Line { number: cursor.line, text: whole.strip_suffix(b"\r").unwrap_or(whole) };
+                match self.line(line, cursor) {
+                    Outcome::Line => {}
+                    Outcome::Jump(to) => {
+                        cursor = to;
+                        continue 'jump;
+                    }
+                    Outcome::Stop => break 'jump,
+                }
+                cursor = Cursor { offset: end + 1, line: cursor.line + 1 };
+            }
+            break;
+        }
+        self.findings.begin_block();
+        if self.options.is_single_block && !self.block.is_binary {
+            self.refuse_unless_single(last_line);
+        } else if !self.block.is_binary {
+            self.check_end(last_line);
+        }
+        (self.interpreter, self.findings)
+    }
+
+    /// Reads and executes one line.
+    #[inline]
+    fn line(&mut self, line: Line<'_>, at: Cursor) -> Outcome {
+        self.findings.begin_block();
+        if line.text.len() > limits::LINE_BYTES_MAX {
+            self.too_long(line);
+            self.has_blocks = true;
+            return Outcome::Line;
+        }
+        if self.percent(line) || self.is_deleted(line) {
+            return Outcome::Line;
+        }
+        if let Section::After { .. } = self.section {
+            return match self.is_reported_after_end(line) {
+                true => Outcome::Stop,
+                false => Outcome::Line,
+            };
+        }
+        if self.flow.is_some() {
+            return self.line_in_flow(line, at);
+        }
+        match self.block(line) {
+            After::Block => Outcome::Line,
+            After::End if self.block.is_binary => Outcome::Stop,
+            After::End => {
+                self.section = Section::After { end_line: line.number, is_reported: false };
+                Outcome::Line
+            }
+            after => self.no_program(line, after),
+        }
+    }
+
+    /// Reads and executes one block.
+    #[inline]
+    fn block(&mut self, line: Line<'_>) -> After {
+        let values = Values {
+            parameters: &self.parameters,
+            interpreter: &self.interpreter,
+            line: line.number,
+            is_single_block: self.options.is_single_block,
+        };
+        let rules = &self.rules.dialect.lexer;
+        lexer::read(line, rules, &mut self.block, &mut self.findings, &values);
+        if self.block.is_binary {
+            return After::End;
+        }
+        if !self.block.assignments.is_empty() {
+            self.has_blocks = true;
+            self.section = Section::Within;
+            self.assign(line);
+        }
+        if self.block.words.is_empty() && !self.block.is_damaged {
+            return After::Block;
+        }
+        self.has_blocks = true;
+        self.section = Section::Within;
+        if self.options.is_single_block {
+            self.refuse_lasting(line);
+        }
+        self.interpreter.execute(line, &self.block, &mut self.findings)
+    }
+
+    /// Reports what acts on later blocks only, in a block by hand.
+    #[cold]
+    fn refuse_lasting(&mut self, line: Line<'_>) {
+        let Dialect { g, m, .. } = self.rules.dialect;
+        for word in &self.block.words {
+            let lasts = code_in_tenths(word.value).is_some_and(|tenths| match word.letter {
+                b'G' => g(tenths).only_acts_later(),
+                b'M' => m(tenths / 10).only_acts_later(),
+                _ => false,
+            });
+            if lasts {
+                let (start, end) = (usize::from(word.start), usize::from(word.end));
+                let source = line.source(self.block.number, start, end);
+                let message =
+                    format!("{} acts on the blocks after it only", line.quote(start, end));
+                let help = "a block by hand keeps nothing for the next one; use it in a program";
+                self.findings.push(Finding::error(Code::Unsupported, source, message).help(help));
+                self.block.is_damaged = true;
+            }
+        }
+    }
+
+    /// A line of a program with O words: what comes next is not always the line after it.
+    fn line_in_flow(&mut self, line: Line<'_>, at: Cursor) -> Outcome {
+        let first_finding = self.findings.count();
+        let next = self.step(line, at);
+        if self.findings.count() > first_finding
+            && let Some(flow) = &mut self.flow
+        {
+            flow.place(&mut self.findings, first_finding);
+        }
+        match next {
+            Next::Line | Next::Block => Outcome::Line,
+            Next::Jump(to) => {
+                let depth = self.flow.as_ref().map_or(0, Flow::depth);
+                let source = line.source(None, 0, line.text.trim_ascii_end().len());
+                self.interpreter.set_depth(depth, source, &mut self.findings);
+                Outcome::Jump(to)
+            }
+            Next::Stop => {
+                // It has been reported why; what follows was never to be reached.
+                self.section = Section::After { end_line: line.number, is_reported: true };
+                Outcome::Stop
+            }
+        }
+    }
+
+    fn step(&mut self, line: Line<'_>, at: Cursor) -> Next {
+        let Some(flow) = &mut self.flow else { return Next::Line };
+        let events = self.interpreter.event_count();
+        if !flow.count(line, events, &mut self.findings) {
+            return Next::Stop;
+        }
+        let mut world = World {
+            parameters: &mut self.parameters,
+            interpreter: &self.interpreter,
+            findings: &mut self.findings,
+        };
+        match flow.step(line, at.offset, &mut world) {
+            Next::Block => {}
+            next => {
+                self.has_blocks = true;
+                if self.section == Section::Before {
+                    self.section = Section::Within;
+                }
+                return next;
+            }
+        }
+        let after = self.block(line);
+        let Some(flow) = &mut self.flow else { return Next::Line };
+        match after {
+            After::Block => Next::Line,
+            After::End => {
+                self.section = Section::After {
+                    end_line: line.number,
+                    is_reported: flow.has_programs() || self.block.is_binary,
+                };
+                Next::Line
+            }
+            After::Call { program, times } => {
+                let mut world = World {
+                    parameters: &mut self.parameters,
+                    interpreter: &self.interpreter,
+                    findings: &mut self.findings,
+                };
+                flow.call_program(at, line, program, times, &mut world)
+            }
+            After::EndOfProgram => match flow.end_program() {
+                Some(next) => next,
+                None => {
+                    let running = flow.running();
+                    self.refuse_endless(line, running);
+                    Next::Stop
+                }
+            },
+        }
+    }
+
+    /// Sets the parameters of a block that has been read.
+    fn assign(&mut self, line: Line<'_>) {
+        for assignment in std::mem::take(&mut self.block.assignments) {
+            if self.options.is_single_block {
+                let source = line.source(self.block.number, assignment.start, assignment.end);
+                let message = "a block by hand keeps no parameter for the next one";
+                let help = "set parameters in a program";
+                self.findings.push(Finding::error(Code::Unsupported, source, message).help(help));
+                continue;
+            }
+            let Err(why) = self.parameters.set(&assignment.parameter, assignment.value) else {
+                continue;
+            };
+            let source = line.source(self.block.number, assignment.start, assignment.end);
+            let quote = line.quote(assignment.start, assignment.end);
+            let (message, help) = match why {
+                CannotSet::NoSuchNumber => (
+                    format!("`{quote}`: there is no such parameter"),
+                    "numbered parameters are #1 to #5602",
+                ),
+                CannotSet::ReadOnly => (
+                    format!("`{quote}`: this parameter cannot be set, the machine gives its value"),
+                    "use another name or number; G10, G28.1 and G92 set offsets",
+                ),
+            };
+            self.findings.push(Finding::error(Code::BadNumber, source, message).help(help));
+            self.block.is_damaged = true;
+        }
+    }
+
+    /// M98 or M99 in a program without program numbers.
+    #[cold]
+    fn no_program(&mut self, line: Line<'_>, after: After) -> Outcome {
+        if after == After::EndOfProgram {
+            self.refuse_endless(line, None);
+        } else {
+            let message = "M98 calls a program that the text does not have";
+            let source = line.source(self.block.number, self.block.start, self.block.end);
+            self.findings.push(
+                Finding::error(Code::Syntax, source, message)
+                    .help("write the program after the end of the main program: O100 ... M99"),
+            );
+        }
+        self.section = Section::After { end_line: line.number, is_reported: true };
+        Outcome::Stop
+    }
+
+    /// M99 in the main program: LinuxCNC would begin it again without an end.
+    #[cold]
+    fn refuse_endless(&mut self, line: Line<'_>, running: Option<String>) {
+        let (message, help) = match running {
+            None => (
+                "M99 in the main program begins it again, without an end".to_owned(),
+                "end the program with M2 or M30, and run it again",
+            ),
+            Some(running) => {
+                (format!("M99 does not end {running}"), "end a subroutine with endsub or return")
+            }
+        };
+        let source = line.source(self.block.number, self.block.start, self.block.end);
+        self.findings.push(Finding::error(Code::Unsupported, source, message).help(help));
+    }
+
+    /// Reports a program without blocks, or without an end.
+    fn check_end(&mut self, last_line: u32) {
+        if !self.has_blocks {
+            let message = "the program has no blocks";
+            return self.findings.push(
+                Finding::warning(Code::MissingWord, Source::default(), message)
+                    .help("nothing will move; is it the right file?"),
+            );
+        }
+        if matches!(self.section, Section::After { .. }) {
+            return;
+        }
+        let is_empty_line = self.text.last() == Some(&b'\n');
+        let line = last_line - u32::from(is_empty_line);
+        let source = Source { line, column: 1, ..Source::default() };
+        self.findings.push(match self.flow.as_ref().and_then(Flow::running) {
+            Some(running) => {
+                let message = format!("the text ends within {running}");
+                Finding::error(Code::Syntax, source, message)
+                    .help("end a program that M98 calls with M99")
+            }
+            None => Finding::warning(Code::MissingWord, source, "the program has no end")
+                .help("is the file complete? programs end with M2 or M30"),
+        });
+    }
+
+    /// Checks that the text is one block.
+    #[cold]
+    fn refuse_unless_single(&mut self, lines: u32) {
+        let source = Source { line: lines, column: 1, ..Source::default() };
+        let message = match (lines, self.has_blocks) {
+            (1, true) => return,
+            (1, false) => "there is no block to run".to_owned(),
+            (lines, _) => format!("{lines} lines are not a single block"),
+        };
+        let help = "give one block, without a line end; load a longer text as a program";
+        self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+    }
+
+    /// Reads a line that begins with `%`: a tape mark, the name of a program, or the name of an OSP
+    /// file.
+    #[inline]
+    fn percent(&mut self, line: Line<'_>) -> bool {
+        let visible = line.text.trim_ascii_start();
+        let is_first = self.section == Section::Before;
+        if is_first && self.rules.dialect.lexer.names && visible.first() == Some(&b'$') {
+            return true;
+        }
+        if visible.first() != Some(&b'%') {
+            return false;
+        }
+        if !self.rules.dialect.percent_delimits {
+            // The name of the program; the name of another program ends this one.
+            if !is_first && self.section == Section::Within {
+                self.section = Section::After { end_line: line.number, is_reported: false };
+            }
+            return true;
+        }
+        let rest = visible[1..].trim_ascii();
+        if !rest.is_empty() && !matches!(rest[0], b'(' | b';') {
+            let start = line.text.len() - visible.len();
+            let source = line.source(None, start, start + visible.trim_ascii_end().len());
+            let message = "% must be alone in its line";
+            self.findings.push(
+                Finding::error(Code::Syntax, source, message)
+                    .help("delete what follows it, or put it into a comment ( )"),
+            );
+        }
+        self.section = match self.section {
+            Section::Before => Section::Within,
+            Section::Within => Section::After {
+                end_line: line.number,
+                is_reported: self.flow.as_ref().is_some_and(Flow::has_programs),
+            },
+            after @ Section::After { .. } => after,
+        };
+        true
+    }
+
+    #[inline]
+    fn is_deleted(&self, line: Line<'_>) -> bool {
+        self.options.block_delete && line.text.trim_ascii_start().first() == Some(&b'/')
+    }
+
+    /// Reports once that blocks after the end are not run; returns whether it has been reported.
+    #[cold]
+    fn is_reported_after_end(&mut self, line: Line<'_>) -> bool {
+        let Section::After { end_line, is_reported } = self.section else { return false };
+        let visible = line.text.trim_ascii();
+        let is_remark = visible.is_empty() || matches!(visible[0], b'(' | b';');
+        if !is_remark && !is_reported {
+            let start = line.text.len() - line.text.trim_ascii_start().len();
+            let source = line.source(None, start, start + visible.len());
+            let message = format!("this is after the end of the program in line {end_line}");
+            self.findings.push(
+                Finding::warning(Code::Syntax, source, message)
+                    .help("it is not run; delete it, or delete the end before it"),
+            );
+            self.section = Section::After { end_line, is_reported: true };
+        }
+        matches!(self.section, Section::After { is_reported: true, .. })
+    }
+
+    #[cold]
+    fn too_long(&mut self, line: Line<'_>) {
+        let message = format!(
+            "the line has {} bytes; at most {} are accepted",
+            line.text.len(),
+            limits::LINE_BYTES_MAX
+        );
+        let source = line.source(None, 0, limits::LINE_BYTES_MAX);
+        self.findings
+            .push(Finding::error(Code::Limit, source, message).help("write one block a line"));
+        self.interpreter.lose_line();
+        if self.section == Section::Before {
+            self.section = Section::Within;
+        }
+    }
+}
