@@ -3,37 +3,17 @@
 Without ROS 2 they run on a stand-in for rclpy, see `rclpy_stand_in`.
 """
 
-import os
 import re
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from machine import ROOT, Machine, die_with_parent
+import documented
+from documented import PART, TOOLS, program_of
+from machine import Machine
 from programs import MachineState, until_state
 from ros2 import Qos, until
-
-# A square of 40 mm around which T1 goes on the left, then a line with T2.
-PART = '''G21 G90 G94 G17
-T1 M6
-G0 X0 Y0
-G41 G1 X20 Y20 F3000
-Y60
-X60
-Y20
-X20
-G40 X0 Y0
-T2 M6
-G1 X10 F3000
-M30
-'''
-TOOLS = '''tools:
-  1: {diameter_mm: 6.0}  # the mill
-  2: {diameter_mm: 3.0}
-'''
 
 
 @pytest.fixture(scope='module')
@@ -43,28 +23,10 @@ def machine():
     made.stop()
 
 
-def program_of(page):
-    """The first Python program on a page."""
-    text = (ROOT / page).read_text()
-    return re.search(r'^```python\n(.*?)^```$', text, re.DOTALL | re.MULTILINE).group(1)
-
-
 def start(machine, program, *words):
-    """Runs a program in the namespace of the machine."""
-    path = machine.file('program.py', program)
-    environment = os.environ | {
-        'PYTHONPATH': str(Path(__file__).parent / 'rclpy_stand_in'),
-        'ROS_DOMAIN_ID': str(machine.domain_id)}
-    return subprocess.Popen(
-        [sys.executable, '-B', path, *words, '--ros-args', '-r', f'__ns:={machine.namespace}'],
-        env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        preexec_fn=as_in_a_terminal)
-
-
-def as_in_a_terminal():
-    """Ctrl-C counts, also where the tests themselves were started to ignore it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    die_with_parent()
+    """With the stand-in for rclpy."""
+    stand_in = str(Path(__file__).parent / 'rclpy_stand_in')
+    return documented.start(machine, program, *words, PYTHONPATH=stand_in)
 
 
 def test_the_commander_of_the_guide_cuts_two_parts(machine, node):

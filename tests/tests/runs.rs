@@ -341,6 +341,22 @@ fn m28_before_the_first_motion_nothing_is_approached() {
 }
 
 #[test]
+fn a_commander_that_has_ended_does_not_stop_the_run_of_its_successor() {
+    let mut line = Line::new(DriverConfig::default(), Build::new(Settings::small_router()), &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.ask(Command::Heartbeat).unwrap();
+    line.ask(Command::ForgetCommander).unwrap();
+    line.start(straight(200, 5.0), 0);
+    line.wait(3.0);
+    assert_eq!(line.mode(), Mode::Run, "{}", line.state().reason);
+    // One that is under way keeps the commander that gave a sign of life.
+    line.ask(Command::Heartbeat).unwrap();
+    line.ask(Command::ForgetCommander).unwrap();
+    line.wait(3.0);
+    assert!(line.state().reason.starts_with("COMMANDER_LOST"), "{:?}", line.state());
+}
+
+#[test]
 fn a_commander_that_dies_before_the_run_has_begun_is_missed_too() {
     let config = DriverConfig { require_recording: true, ..DriverConfig::default() };
     let mut line = Line::new(config, Build::new(Settings::small_router()), &[]);

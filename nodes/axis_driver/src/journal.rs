@@ -237,6 +237,7 @@ mod tests {
             }),
             Command::SetOverrides(Overrides { rapid: Some(25), ..Overrides::default() }),
             Command::Heartbeat,
+            Command::ForgetCommander,
             Command::Replan(ReplanRequest {
                 program_id: "part".into(),
                 of: 3,

@@ -101,6 +101,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         waiting: Mutex::new(Waiting::new(welcome.next_id)),
         commands: CommandLog::new(&node)?,
         recorder: follow::Recorder::default(),
+        last_beat: follow::LastBeat::default(),
         programs: node.client("program/get_chunks")?,
         run_results: node.publisher("run_result", Qos::LATCHED)?,
     });
@@ -221,6 +222,7 @@ struct RemoteDriver {
     waiting: Mutex<Waiting>,
     commands: CommandLog,
     recorder: follow::Recorder,
+    last_beat: follow::LastBeat,
     /// Texts of programs.
     programs: Client<GetProgramChunks>,
     /// How the last run ended.

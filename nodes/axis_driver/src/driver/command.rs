@@ -48,6 +48,8 @@ pub enum Command {
     Sleep,
     /// A commander's sign of life.
     Heartbeat,
+    /// What follows is begun by somebody else than the commander whose sign of life was the last.
+    ForgetCommander,
     /// What the recorder says of this run: whether all of it is in the bag so far.
     Recorder { is_whole: bool, reason: String },
     /// The tool that was asked for is in the spindle; `objection` says why the path
@@ -128,6 +130,7 @@ impl Driver {
                 Command::DoorHold => self.door_hold(),
                 Command::Sleep => self.sleep(id),
                 Command::Heartbeat => self.context.on_heartbeat(),
+                Command::ForgetCommander => self.forget_commander(),
                 Command::Recorder { is_whole, reason } => self.on_recorder(is_whole, &reason),
                 Command::ConfirmToolChange { objection } => self.confirm_tool_change(objection),
                 Command::Replan(request) => self.replan(id, request),

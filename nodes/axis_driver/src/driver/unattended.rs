@@ -1,5 +1,6 @@
 //! Holds what moves when the commander is lost, or when ROS is.
 
+use super::answer::Answer;
 use super::context::commander::OnCommanderLoss;
 use super::output::LogLevel;
 use super::run::exit::RunVerdict;
@@ -16,6 +17,16 @@ impl Driver {
     /// When the machine is held because the driver cannot be reached over ROS.
     pub(super) fn ros_deadline(&self) -> Option<Duration> {
         self.context.ros_deadline().filter(|_| self.phase.is_at_work())
+    }
+
+    /// Whoever begins something is not watched by the signs of life of another. What is under way
+    /// stays watched.
+    pub(super) fn forget_commander(&mut self) -> Answer {
+        if self.phase.is_at_work() {
+            return Some(Ok("what is under way keeps its commander".into()));
+        }
+        self.context.commander_seen = None;
+        Some(Ok("forgotten".into()))
     }
 
     pub(super) fn watch_commander(&mut self) {

@@ -109,6 +109,7 @@ enum CommandForm {
     DoorHold,
     Sleep,
     Heartbeat,
+    ForgetCommander,
     Recorder {
         is_whole: bool,
         reason: String,
@@ -165,6 +166,7 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         Command::DoorHold => CommandForm::DoorHold,
         Command::Sleep => CommandForm::Sleep,
         Command::Heartbeat => CommandForm::Heartbeat,
+        Command::ForgetCommander => CommandForm::ForgetCommander,
         Command::Recorder { is_whole, reason } => {
             CommandForm::Recorder { is_whole: *is_whole, reason: reason.clone() }
         }
@@ -225,6 +227,7 @@ pub fn command_from_json(
         CommandForm::DoorHold => Command::DoorHold,
         CommandForm::Sleep => Command::Sleep,
         CommandForm::Heartbeat => Command::Heartbeat,
+        CommandForm::ForgetCommander => Command::ForgetCommander,
         CommandForm::Recorder { is_whole, reason } => Command::Recorder { is_whole, reason },
         CommandForm::ConfirmToolChange { objection } => Command::ConfirmToolChange { objection },
         CommandForm::Replan { program_id, of, revision } => {

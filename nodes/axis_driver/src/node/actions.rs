@@ -156,6 +156,7 @@ async fn begin(
         let message = format!("{MDI} is the id of blocks entered by hand, not of a program");
         return Err(Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message });
     }
+    driver.note_who_begins(offer.info().writer).await;
     let (start_line, check_only) = (goal.start_line, goal.check_only);
     let order = Order::Run(RunOrder { program_id, revision, start_line, in_span, check_only });
     let reply = driver.ask_unless_stopped(stops, id, order, PROVE_WITHIN).await;

@@ -9,7 +9,7 @@ use cnc_msgs::chunk::hex;
 use cnc_msgs::wire::cnc_msgs::msg::Recording;
 use cnc_msgs::wire::std_msgs::msg::Header;
 use runtime::action::GoalId;
-use runtime::{Handle, NodeResult, Qos};
+use runtime::{Gid, Handle, NodeResult, Qos};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -20,6 +20,33 @@ const BEAT_PAUSE: Duration = Duration::from_millis(20);
 #[derive(Debug, Default)]
 pub(super) struct Recorder {
     goals: Mutex<Vec<String>>,
+}
+
+/// The process whose sign of life was the last.
+#[derive(Debug, Default)]
+pub(super) struct LastBeat(Mutex<Option<[u8; 12]>>);
+
+impl LastBeat {
+    fn is_of(&self, commander: Gid) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(commander.participant());
+    }
+
+    fn is_of_another_than(&self, commander: Gid) -> bool {
+        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        last.is_some_and(|last| last != commander.participant())
+    }
+}
+
+impl RemoteDriver {
+    /// Says to the core who begins what comes next, where that is not the commander whose signs
+    /// of life are watched: one that has ended must not stop the work of its successor.
+    pub(super) async fn note_who_begins(&self, commander: Gid) {
+        if self.last_beat.is_of_another_than(commander)
+            && let Err(refusal) = self.ask(Command::ForgetCommander, REPLY_WITHIN).await
+        {
+            tracing::warn!("commander heartbeat: {}", refusal.message);
+        }
+    }
 }
 
 /// Held as long as the record of a goal matters.
@@ -61,9 +88,10 @@ pub(super) fn follow(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
     let shared = Arc::clone(driver);
     node.spawn("commander heartbeat", async move {
         loop {
-            beats.next().await;
+            let first = beats.next().await;
             // Of several that waited one sign of life is enough.
-            beats.drain();
+            let (_, info) = beats.drain().pop().unwrap_or(first);
+            shared.last_beat.is_of(info.publisher);
             if let Err(refusal) = shared.ask(Command::Heartbeat, REPLY_WITHIN).await {
                 tracing::warn!("commander heartbeat: {}", refusal.message);
             }

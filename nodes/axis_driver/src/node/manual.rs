@@ -221,7 +221,10 @@ async fn decide<M: Move>(driver: &Arc<RemoteDriver>, name: &str, offer: GoalOffe
     offer.tag(id);
     let finished = driver.waiting().moves.wait(id);
     let reply = match M::command(offer.goal()) {
-        Ok(command) => driver.ask_as(id, command, REPLY_WITHIN).await,
+        Ok(command) => {
+            driver.note_who_begins(offer.info().writer).await;
+            driver.ask_as(id, command, REPLY_WITHIN).await
+        }
         Err(refusal) => Err(refusal),
     };
     driver.commands.record(name, M::TYPE_NAME, &offer.info(), offer.goal(), answer(&reply));

@@ -44,6 +44,7 @@ pub(super) fn offer(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
         move |request, info: RequestInfo| {
             let (driver, advisers) = (Arc::clone(&driver), Arc::clone(&advisers));
             async move {
+                driver.note_who_begins(info.writer).await;
                 let (success, error_code, message) =
                     reply_fields(execute(&driver, &advisers, &request).await);
                 let answer = Answer { success, error_code, message: &message };

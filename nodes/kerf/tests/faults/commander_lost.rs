@@ -127,6 +127,17 @@ fn a_run_whose_commander_dies_continues_if_configured() {
 }
 
 #[test]
+fn a_commander_that_has_ended_does_not_stop_the_run_of_its_successor() {
+    let test = "commander_lost::a_commander_that_has_ended_does_not_stop_the_run_of_its_successor";
+    let (cell, _) = orphan(test, true, "hold");
+    cell.commander.cancel();
+    cell.until_ready();
+    let _run = cell.run_into_the_midst();
+    goes_on(&cell, cell.moment());
+    assert!(!cell.machine.log().contains("COMMANDER_LOST"));
+}
+
+#[test]
 fn a_run_whose_commander_never_gave_a_sign_of_life_needs_none() {
     let test = "commander_lost::a_run_whose_commander_never_gave_a_sign_of_life_needs_none";
     let (cell, moment) = orphan(test, false, "hold");

@@ -47,7 +47,7 @@ fn step() -> impl Strategy<Value = FuzzStep> {
     prop_oneof![
         8 => (0..LINES.len()).prop_map(FuzzStep::Line),
         1 => prop::collection::vec(any::<u8>(), 0..40).prop_map(FuzzStep::Fragment),
-        4 => (0usize..24).prop_map(FuzzStep::Command),
+        4 => (0usize..25).prop_map(FuzzStep::Command),
         4 => (0u64..3000).prop_map(FuzzStep::Wait),
         1 => Just(FuzzStep::Open),
         1 => Just(FuzzStep::Close),
@@ -101,6 +101,7 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         20 => Command::ConfirmToolChange { objection: Some("another tool".into()) },
         21 => Command::Activate,
         22 => Command::Deactivate,
+        23 => Command::ForgetCommander,
         _ => Command::Shutdown,
     }
 }
