@@ -1,10 +1,13 @@
 """Parameters: all six services, descriptors, and the events."""
 
+import subprocess
+
 import pytest
 
 from contract import NODES
-from programs import settle
-from ros2 import ParameterClient, Qos, message
+from machine import kerf
+from programs import QUICK, load, settle
+from ros2 import ActionClient, ParameterClient, Qos, message, until
 
 ParameterType = message('rcl_interfaces/msg/ParameterType')
 
@@ -110,3 +113,39 @@ def test_atomically_it_is_all_or_nothing(loader):
     assert loader.set_atomically(use_sim_time=True).successful
     assert loader.get('use_sim_time') == [True]
     assert loader.set_atomically(use_sim_time=False).successful
+
+
+def test_the_driver_is_tuned_between_runs_and_the_recorder_writes_elsewhere(node, machine, driver):
+    [result] = driver.set(commander_timeout_ms=2500)
+    assert result.successful, result.reason
+    assert driver.get('commander_timeout_ms') == [2500]
+    [result] = driver.set(baud=9600)
+    assert not result.successful and 'start of the node' in result.reason
+    recorder = ParameterClient(node, 'run_recorder')
+    [kept] = recorder.get('directory')
+    [result] = recorder.set(directory='/proc/nowhere')
+    assert not result.successful and '/proc/nowhere' in result.reason
+    elsewhere = str(machine.folder / 'other bags')
+    for folder in (elsewhere, kept):
+        [result] = recorder.set(directory=folder)
+        assert result.successful, result.reason
+    assert (machine.folder / 'other bags').is_dir()
+    [result] = driver.set(commander_timeout_ms=1000)
+    assert result.successful, result.reason
+
+
+def test_the_bag_of_a_tuned_driver_replays(node, machine, driver):
+    [result] = driver.set(hold_latency_ms_max=8)
+    assert result.successful, result.reason
+    loaded, _ = load(node, text=QUICK, name='quick.ngc')
+    runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
+    goal = runs.send_goal(program_id=loaded.program_id)
+    assert goal.accepted
+    goal.result()
+    [bags] = ParameterClient(node, 'run_recorder').get('directory')
+    until('the bag to be complete', lambda: 'is complete' in machine.log())
+    [bag] = (machine.folder / bags).glob('run_*')
+    replay = subprocess.run([kerf(), 'replay', bag], capture_output=True, text=True, check=False)
+    assert replay.returncode == 0, replay.stdout + replay.stderr
+    [result] = driver.set(hold_latency_ms_max=20)
+    assert result.successful, result.reason

@@ -341,6 +341,26 @@ fn m28_before_the_first_motion_nothing_is_approached() {
 }
 
 #[test]
+fn parameters_are_taken_between_runs() {
+    let mut line = Line::new(DriverConfig::default(), Build::new(Settings::small_router()), &[]);
+    let patient = DriverConfig { commander_timeout_ms: 4_000, ..DriverConfig::default() };
+    let change = || Command::SetConfig(Box::new(patient.clone()));
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.start(straight(200, 5.0), 0);
+    line.wait(0.5);
+    assert_eq!(line.ask(change()).unwrap_err().error_code, error_code::BUSY);
+    line.ask(Command::CancelRun { run: None }).unwrap();
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.ask(change()).unwrap();
+    line.start(straight(200, 5.0), 0);
+    line.ask(Command::Heartbeat).unwrap();
+    line.wait(3.5);
+    assert_eq!(line.mode(), Mode::Run, "{}", line.state().reason);
+    line.wait(1.5);
+    assert!(line.state().reason.contains("4000 ms"), "{:?}", line.state());
+}
+
+#[test]
 fn a_commander_that_has_ended_does_not_stop_the_run_of_its_successor() {
     let mut line = Line::new(DriverConfig::default(), Build::new(Settings::small_router()), &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);

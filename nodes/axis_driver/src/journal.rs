@@ -203,7 +203,7 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::driver::{Command, JogRequest, Overrides, ReplanRequest, RunRequest};
+    use crate::driver::{Command, DriverConfig, JogRequest, Overrides, ReplanRequest, RunRequest};
     use cnc_msgs::geometry::AxisSet;
     use cnc_msgs::path::StartInSpan;
 
@@ -246,6 +246,10 @@ mod tests {
             }),
             Command::ExecuteMdi { path: path.clone() },
             Command::SetSingleBlock(true),
+            Command::SetConfig(Box::new(DriverConfig {
+                homing_s_max: 7,
+                ..DriverConfig::default()
+            })),
             Command::Activate,
             Command::Deactivate,
             Command::Shutdown,

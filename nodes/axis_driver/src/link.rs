@@ -112,6 +112,13 @@ impl<T> Link<T> {
         }
     }
 
+    /// Goes on with other intervals and another hold latency; no stream of lines is under way.
+    pub fn set_config(&mut self, config: LinkConfig) {
+        self.config = config;
+        self.health.set_interval(config.poll_interval_ms);
+        self.check = LineCheck::new(config.line_check_interval_ms);
+    }
+
     /// The unit in which reports are read.
     pub fn units(&self) -> ReportUnits {
         self.units

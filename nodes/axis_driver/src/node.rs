@@ -18,6 +18,7 @@ mod run_start;
 mod services;
 mod source;
 mod traffic;
+mod tuning;
 mod viewers;
 mod waiting;
 
@@ -86,6 +87,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let (motion, incoming, Before { welcome, kept, events }) = MotionLink::connect()?;
     let keeper = Arc::clone(&motion);
     node.remember_in(Memory::new(kept, move |name, value| keeper.keep(name, value)));
+    let is_tuned = node.keep_parameters();
     let zero = RosTime::from_nanos(welcome.zero_wall_ns);
     let publisher = node.publisher("controller_traffic", Qos::EVENTS)?;
     let traffic = Traffic::new(publisher, zero, welcome.publish_from);
@@ -162,6 +164,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         handle.spawn("replan of a run", async move { driver.replan(&paths, of, planned).await });
     })?;
     services::offer_tool_change(&node, &driver, &paths)?;
+    tuning::follow(&node, &driver, is_tuned);
     follow::follow(&node, &driver)?;
     actions::offer(&node, &driver, paths)?;
     driver.motion.say_ready();

@@ -56,11 +56,10 @@ pub fn parameters() -> Vec<Declared> {
 }
 
 async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
-    let directory = parameters::directory(&node)?;
+    parameters::guard(&node);
     let recorder = Arc::new(Recorder {
         node: node.clone(),
         goals: node.names().resolve("run_program/_action/status")?,
-        directory,
         extra_topics: node.parameter("extra_topics"),
         includes_feedback: node.parameter("include_action_feedback"),
         sources: Sources::new(&node)?,
@@ -100,7 +99,6 @@ struct Recorder {
     /// The status topic of `run_program`. It has only one reader, as any other topic: with
     /// security, a second reader made during the handshake of the first leaves both deaf.
     goals: String,
-    directory: PathBuf,
     extra_topics: Vec<String>,
     includes_feedback: bool,
     sources: Sources,
@@ -133,6 +131,10 @@ impl RecorderState {
 impl Recorder {
     fn state(&self) -> MutexGuard<'_, RecorderState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn directory(&self) -> PathBuf {
+        parameters::directory(&self.node)
     }
 
     /// Whether a topic is one of this machine, or one of `extra_topics`.
@@ -221,7 +223,7 @@ impl Recorder {
         let wanted = state.store.wanted();
         let opened = self.node.require_active().and_then(|()| {
             let (now, split) = (self.node.now(), parameters::split(&self.node));
-            OpenRun::create(&self.directory, now, goal, &wanted, split, &mut state.store)
+            OpenRun::create(&self.directory(), now, goal, &wanted, split, &mut state.store)
                 .map_err(|error| error.to_string())
         });
         match opened {

@@ -1,7 +1,8 @@
 //! The commands of the driver, and who handles each.
 
 use super::Driver;
-use super::answer::refused;
+use super::answer::{Answer, done, refused};
+use super::context::config::DriverConfig;
 use super::context::overrides::Overrides;
 use super::deactivate::NOT_ACTIVE;
 use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
@@ -70,6 +71,8 @@ pub enum Command {
     Deactivate,
     /// Brings everything to a stop as a cancel does; then the port may be closed.
     Shutdown,
+    /// Goes on with other parameters, at rest.
+    SetConfig(Box<DriverConfig>),
     /// Whether the driver can be reached over ROS.
     RosFace { is_there: bool },
 }
@@ -139,11 +142,23 @@ impl Driver {
                 Command::Activate => self.activate(),
                 Command::Deactivate => self.deactivate(id),
                 Command::Shutdown => self.shut_down(id),
+                Command::SetConfig(config) => self.set_config(*config),
                 Command::RosFace { is_there } => self.context.on_ros_face(is_there),
             }
         };
         if let Some(result) = answer {
             self.context.reply(id, result);
         }
+    }
+
+    /// Goes on with other parameters. What was opened with the port stays as it is.
+    fn set_config(&mut self, config: DriverConfig) -> Answer {
+        if self.phase.is_at_work() || self.check.is_some() {
+            return refused(error_code::BUSY, "parameters are taken when nothing is under way");
+        }
+        let DriverConfig { baud, receive_buffer_bytes, .. } = self.context.config;
+        self.context.config = DriverConfig { baud, receive_buffer_bytes, ..config };
+        self.context.link.set_config(self.context.config.link());
+        done("taken")
     }
 }

@@ -5,7 +5,8 @@
 
 use super::mdi;
 use crate::driver::{
-    Command, JogRequest, OffsetRequest, Overrides, ProbeRequest, ReplanRequest, RunRequest,
+    Command, DriverConfig, JogRequest, OffsetRequest, Overrides, ProbeRequest, ReplanRequest,
+    RunRequest,
 };
 use cnc_msgs::path::{CompensatedPath, StartInSpan};
 use serde::{Deserialize, Serialize};
@@ -133,6 +134,7 @@ enum CommandForm {
     Activate,
     Deactivate,
     Shutdown,
+    SetConfig(Box<DriverConfig>),
     RosFace {
         is_there: bool,
     },
@@ -183,6 +185,7 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         Command::Activate => CommandForm::Activate,
         Command::Deactivate => CommandForm::Deactivate,
         Command::Shutdown => CommandForm::Shutdown,
+        Command::SetConfig(config) => CommandForm::SetConfig(config.clone()),
         Command::RosFace { is_there } => CommandForm::RosFace { is_there: *is_there },
     };
     written(id, command)
@@ -241,6 +244,7 @@ pub fn command_from_json(
         CommandForm::Activate => Command::Activate,
         CommandForm::Deactivate => Command::Deactivate,
         CommandForm::Shutdown => Command::Shutdown,
+        CommandForm::SetConfig(config) => Command::SetConfig(config),
         CommandForm::RosFace { is_there } => Command::RosFace { is_there },
     };
     Ok((record.id, command))

@@ -50,6 +50,10 @@ impl Health {
         }
     }
 
+    pub(super) fn set_interval(&mut self, interval_ms: u32) {
+        self.interval = Duration::from_millis(u64::from(interval_ms.max(1)));
+    }
+
     /// The controller starts over.
     pub(super) fn restart(&mut self, now: Duration) {
         self.is_asked = false;

@@ -10,7 +10,10 @@ use std::time::Duration;
 const REOPEN: Reopen =
     Reopen::Backoff { first: Duration::from_millis(500), most: Duration::from_secs(5) };
 
-/// All of them; none changes while the node runs.
+/// What is settled when the port is opened, or the node is made.
+const AT_START: [&str; 6] = ["port", "baud", "dtr", "rts", "receive_buffer_bytes", "frame_prefix"];
+
+/// All of them.
 pub(crate) fn declared() -> Vec<Declared> {
     let config = DriverConfig::default();
     let encoder = EncoderConfig::default();
@@ -161,7 +164,7 @@ pub(crate) fn declared() -> Vec<Declared> {
         ),
     ]
     .into_iter()
-    .map(Declared::read_only)
+    .map(|row| if AT_START.contains(&row.name.as_str()) { row.read_only() } else { row })
     .collect()
 }
 

@@ -30,4 +30,5 @@ mod lifecycle;
 mod nodes;
 mod restart;
 mod ros_face;
+mod tuning;
 mod vanish;

@@ -13,7 +13,7 @@ pub(super) struct Shell(pub(super) Arc<Recorder>);
 impl Managed for Shell {
     async fn configure(&self) -> TransitionResult {
         // An error in making bags should show before the first run.
-        let directory = self.0.directory.clone();
+        let directory = self.0.directory();
         let shown = directory.display().to_string();
         // A disk that hangs blocks this step, not the node.
         let made = tokio::task::spawn_blocking(move || std::fs::create_dir_all(directory)).await;

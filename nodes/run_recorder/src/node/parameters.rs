@@ -2,6 +2,7 @@
 
 use crate::retention::RetentionLimits;
 use crate::run_bag::SplitLimits;
+use runtime::parameters::ParameterValue;
 use runtime::{Declared, Handle};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -21,9 +22,8 @@ pub(super) fn declared() -> Vec<Declared> {
         Declared::new(
             "directory",
             "kerf-bags",
-            "folder for bags; each run gets a directory of its own",
-        )
-        .read_only(),
+            "folder for bags; each run gets a directory of its own; from the next run on",
+        ),
         Declared::new(
             "extra_topics",
             ["/tf", "/tf_static", "/rosout", "/diagnostics", "/parameter_events"]
@@ -61,9 +61,24 @@ pub(super) fn declared() -> Vec<Declared> {
     ]
 }
 
-/// Where bags go.
-pub(super) fn directory(node: &Handle) -> std::io::Result<PathBuf> {
-    std::path::absolute(PathBuf::from(node.parameter::<String>("directory")))
+/// Where bags go from now on.
+pub(super) fn directory(node: &Handle) -> PathBuf {
+    let given = PathBuf::from(node.parameter::<String>("directory"));
+    // Only an empty path, or a working directory that is gone, has no absolute one.
+    std::path::absolute(&given).unwrap_or(given)
+}
+
+/// Refuses a folder in which no bag can be made.
+pub(super) fn guard(node: &Handle) {
+    node.guard_parameters(|changes| {
+        for (name, value) in changes {
+            if let ("directory", ParameterValue::String(path)) = (name.as_str(), value) {
+                std::fs::create_dir_all(path)
+                    .map_err(|error| format!("cannot make the directory {path}: {error}"))?;
+            }
+        }
+        Ok(())
+    });
 }
 
 /// When a new bag is split into another file.

@@ -20,22 +20,24 @@ impl Recorder {
 
     async fn remove_old_bags(self: &Arc<Self>) {
         let keep = parameters::keep(&self.node);
+        let directory = self.directory();
+        let searched = directory.clone();
         let shared = Arc::clone(self);
         let removal = tokio::task::spawn_blocking(move || {
             let one_at_a_time = shared.removal_lock.lock().unwrap_or_else(PoisonError::into_inner);
             // By the wall clock, as the times of files, not by the clock of the run.
             let now_ns = u64::try_from(runtime::RosTime::wall().as_nanos()).unwrap_or(0);
-            let removal = remove_old_bags(&shared.directory, keep, now_ns);
+            let removal = remove_old_bags(&searched, keep, now_ns);
             *shared.stuck.lock().unwrap_or_else(PoisonError::into_inner) = match &removal {
                 Ok(removal) => removal.stuck.iter().map(not_removed).collect(),
-                Err(error) => vec![not_listed(&shared.directory, error)],
+                Err(error) => vec![not_listed(&searched, error)],
             };
             drop(one_at_a_time);
             removal
         });
         match removal.await {
             Ok(Ok(removal)) => log(&removal),
-            Ok(Err(error)) => tracing::warn!("{}", not_listed(&self.directory, &error)),
+            Ok(Err(error)) => tracing::warn!("{}", not_listed(&directory, &error)),
             Err(error) => tracing::error!("removing old bags failed: {error}"),
         }
     }

@@ -47,7 +47,7 @@ fn step() -> impl Strategy<Value = FuzzStep> {
     prop_oneof![
         8 => (0..LINES.len()).prop_map(FuzzStep::Line),
         1 => prop::collection::vec(any::<u8>(), 0..40).prop_map(FuzzStep::Fragment),
-        4 => (0usize..25).prop_map(FuzzStep::Command),
+        4 => (0usize..26).prop_map(FuzzStep::Command),
         4 => (0u64..3000).prop_map(FuzzStep::Wait),
         1 => Just(FuzzStep::Open),
         1 => Just(FuzzStep::Close),
@@ -102,6 +102,10 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         21 => Command::Activate,
         22 => Command::Deactivate,
         23 => Command::ForgetCommander,
+        24 => Command::SetConfig(Box::new(DriverConfig {
+            poll_interval_ms: 70,
+            ..DriverConfig::default()
+        })),
         _ => Command::Shutdown,
     }
 }
