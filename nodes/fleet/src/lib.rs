@@ -8,8 +8,9 @@
 //! - `table`: rows as Parquet; `store`: objects, tried again when a request fails
 //! - `facts`: the row of a bag; `push`: bags into the store; `spool`: bags that wait for it
 //! - `dataset`: index and verdicts of a store; `worker` and `journal`: one shard
-//! - `report` and `page`: what came out
+//! - `report` and `page`: what came out; `bisect`: which commit did it
 
+pub mod bisect;
 pub mod core;
 pub mod dataset;
 pub mod error;

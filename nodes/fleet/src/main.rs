@@ -8,7 +8,7 @@ use fleet::core::condition::Condition;
 use fleet::core::key::check_build;
 use fleet::core::shard::Shard;
 use fleet::store::Store;
-use fleet::{FleetError, page, push, report, worker};
+use fleet::{FleetError, bisect, page, push, report, worker};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -29,6 +29,8 @@ enum Command {
     Replay(ReplayArgs),
     /// Show what a build makes of the bags, and what it changes against another
     Report(ReportArgs),
+    /// Find the commit that first makes something else of a bag than a good commit
+    Bisect(BisectArgs),
 }
 
 /// A folder or its URL.
@@ -96,6 +98,34 @@ struct ReportArgs {
     html: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+struct BisectArgs {
+    /// A bag directory or an .mcap file
+    bag: PathBuf,
+    /// A commit whose result is the wanted one
+    #[arg(long, value_name = "SHA")]
+    good: String,
+    /// A later commit with another result
+    #[arg(long, value_name = "SHA")]
+    bad: String,
+    /// The checkout whose history is searched
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    repository: PathBuf,
+    /// Folder for one worktree and one build folder [default: kerf-bisect in the temporary folder]
+    #[arg(long, value_name = "DIR")]
+    work: Option<PathBuf>,
+    /// What builds a commit, in its worktree
+    #[arg(
+        long,
+        value_name = "COMMAND",
+        default_value = "cargo build --release --locked --bin kerf"
+    )]
+    build_with: String,
+    /// The program that this makes, in the build folder or the worktree
+    #[arg(long, value_name = "FILE", default_value = "release/kerf")]
+    program: PathBuf,
+}
+
 fn main() -> ExitCode {
     let words = match intake::arguments::words() {
         Ok(words) => words,
@@ -106,6 +136,7 @@ fn main() -> ExitCode {
         Command::Push(args) => run_push(args),
         Command::Replay(args) => run_replay(&args),
         Command::Report(args) => run_report(&args),
+        Command::Bisect(args) => run_bisect(args),
     };
     done.unwrap_or_else(|error| failed(&error))
 }
@@ -171,6 +202,25 @@ fn run_report(args: &ReportArgs) -> Result<ExitCode, FleetError> {
     }
     report.problems.iter().for_each(|problem| say(problem));
     Ok(ExitCode::from(u8::from(!report.problems.is_empty())))
+}
+
+fn run_bisect(args: BisectArgs) -> Result<ExitCode, FleetError> {
+    let order = bisect::Order {
+        bag: args.bag,
+        good: args.good,
+        bad: args.bad,
+        repository: args.repository,
+        work: args.work.unwrap_or_else(|| std::env::temp_dir().join("kerf-bisect")),
+        build: args.build_with,
+        program: args.program,
+    };
+    let bisect::Found { commit, subject, suspects, built } = bisect::run(&order, &say)?;
+    println!("{commit} {subject}");
+    println!("is the first of {built} builds that differs");
+    for suspect in suspects {
+        println!("{suspect} does not build or cannot compare the bag, and may be the first");
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 #[cfg(test)]

@@ -127,7 +127,7 @@ fn read(
         None => return Err(general("it was not written by kerf fleet: no version is in it")),
         Some(version) if version > VERSION => {
             return Err(general(format!(
-                "it has version {version} of the table, and this build reads up to {VERSION}; use a newer build"
+                "it has version {version} of the table, and this build reads up to {VERSION}; use a newer kerf-fleet"
             )));
         }
         Some(_) => {}
@@ -275,7 +275,7 @@ mod tests {
             (
                 b"kerf_fleet\x18\x011",
                 b"kerf_fleet\x18\x019",
-                "it has version 9 of the table, and this build reads up to 1; use a newer build",
+                "it has version 9 of the table, and this build reads up to 1; use a newer kerf-fleet",
             ),
         ] {
             let at =
