@@ -6,7 +6,9 @@
 mod line;
 
 use axis_driver::driver::{DriverConfig, RunRequest};
-use cnc_msgs::chunk::{ContourChunks, PathChunks, ProgramChunks, program_id, sha256_hex};
+use cnc_msgs::chunk::{
+    Collector, ContourChunks, PathChunks, ProgramChunks, program_id, sha256_hex,
+};
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use cnc_msgs::wire::action_msgs::msg::{GoalInfo, GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
@@ -242,22 +244,22 @@ fn plan(
         ..report_of(&planned, 0.05)
     };
     certify(&mut report, &planned.certificates);
-    let path = Arc::new(planned.path);
-    let cut = PathChunks::new(id.clone(), 1, Arc::clone(&path));
-    bag.put(
-        "compensated_path",
-        at,
-        &wire::CompensatedPath {
-            program_id: id.clone(),
-            revision: 1,
-            control: spec.control.to_owned(),
-            tool_table_revision: 1,
-            ..manifest_of(&cut, 0.05)
-        },
-    );
-    (0..cut.count()).filter_map(|it| cut.chunk(it)).for_each(|chunk| {
+    let cut = PathChunks::new(id.clone(), 1, Arc::new(planned.path));
+    let manifest = wire::CompensatedPath {
+        program_id: id.clone(),
+        revision: 1,
+        control: spec.control.to_owned(),
+        tool_table_revision: 1,
+        ..manifest_of(&cut, 0.05)
+    };
+    bag.put("compensated_path", at, &manifest);
+    // The driver has its path from these messages, which round millimetres to metres.
+    let mut received = Collector::for_path(&manifest).expect("a manifest");
+    for chunk in (0..cut.count()).filter_map(|it| cut.chunk(it)) {
         bag.put("compensated_path/chunks", at, &chunk);
-    });
+        received.add(chunk).expect("a chunk of it");
+    }
+    let path = Arc::new(received.finish(&manifest).expect("a path"));
     bag.put("compensation_report", at, &report);
     let node = format!("/{}/axis_driver", spec.machine);
     // A node that does not publish these is of before, and polls otherwise.
