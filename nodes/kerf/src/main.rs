@@ -13,6 +13,7 @@ mod ctrl_c;
 mod demo;
 mod exit;
 mod files;
+mod fleet;
 mod json;
 mod load;
 mod local;
@@ -104,6 +105,8 @@ enum Command {
     /// Inspect and repair bags
     #[command(subcommand)]
     Bag(bag::BagCommand),
+    /// Keep, replay and ask the bags of many machines; runs the program `kerf-fleet`
+    Fleet(fleet::FleetArgs),
 }
 
 fn main() -> ExitCode {
@@ -167,6 +170,7 @@ fn run(command: Command, ros_args: &[String]) -> CommandResult {
         Command::Status => status::run(ros_args),
         Command::Replay(args) => replay_command::run(&args),
         Command::Bag(command) => bag::run(&command),
+        Command::Fleet(args) => fleet::run(&args),
     }
 }
 

@@ -44,8 +44,9 @@ use inputs::CoreInputs;
 use output::Output;
 use planner::Replanned;
 use recording::Recording;
-use run_recorder::bag_reader::{LATE, Problem, RUN_RECORD};
+use run_recorder::bag_reader::{Bag, LATE, Problem, RUN_RECORD};
 use run_recorder::files;
+use std::io::{Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -137,8 +138,19 @@ pub fn replay(
     levels: &[Level],
     options: Options<'_>,
 ) -> Result<ReplayResult, ReplayError> {
-    let mut bag = files::open_bag(path)?;
-    let recording = Recording::read(&mut bag)?;
+    replay_opened(&mut files::open_bag(path)?, levels, options)
+}
+
+/// Replays a bag that is open, from files or from memory.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_opened<R: Read + Seek>(
+    bag: &mut Bag<R>,
+    levels: &[Level],
+    options: Options<'_>,
+) -> Result<ReplayResult, ReplayError> {
+    let recording = Recording::read(bag)?;
     bag.verify_indexes()?;
     let contents = Contents::new(bag.channels(), bag.metadata_named(RUN_RECORD));
     let listed = |is_meant: &dyn Fn(&Problem) -> bool| -> Vec<String> {

@@ -84,6 +84,11 @@ impl ReplayResult {
         })
     }
 
+    /// What was compared at each level, in the order of the levels.
+    pub fn comparisons(&self) -> &[(Level, Comparison)] {
+        &self.comparisons
+    }
+
     /// The recording that was replayed.
     pub fn recording(&self) -> &Recording {
         &self.inputs.recording

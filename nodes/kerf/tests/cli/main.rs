@@ -1,6 +1,7 @@
 //! The command line: exit status and what is said, for good input and bad.
 
 mod bags;
+mod fleet;
 mod outside;
 mod plan_json;
 #[path = "../support/mod.rs"]

@@ -1,0 +1,30 @@
+//! Why something of a store was not done; each names its object.
+
+use std::fmt::Display;
+
+#[derive(Debug, thiserror::Error)]
+pub enum FleetError {
+    /// Arguments.
+    #[error("{0}")]
+    Usage(String),
+    #[error("{store}: {object}: {why}")]
+    Object { store: String, object: String, why: String },
+    #[error("{object}: {why}")]
+    Table { object: String, why: String },
+    #[error("{path}: {why}")]
+    File { path: String, why: String },
+    /// What was to be done is not; each reason has been printed.
+    #[error("{0}")]
+    NotDone(String),
+}
+
+impl FleetError {
+    pub fn file(path: &std::path::Path, why: impl Display) -> Self {
+        Self::File { path: path.display().to_string(), why: why.to_string() }
+    }
+
+    /// The status of the command: 2 for wrong arguments, else 1.
+    pub fn status(&self) -> u8 {
+        if matches!(self, Self::Usage(_)) { 2 } else { 1 }
+    }
+}
