@@ -4,6 +4,7 @@
 //! never sees a G number. Order is order of execution.
 
 use crate::geometry::{AxisSet, Direction, Plane, Position, Shape};
+use crate::text::Text;
 use serde::{Deserialize, Serialize};
 
 /// What a part program means, before any compensation.
@@ -182,6 +183,8 @@ pub enum Action {
     Home { axes: AxisSet },
     /// The axes stop here before the next motion (`G9`).
     ExactStop,
+    /// `(MSG, put in the 6 mm cutter)`: the operator sees this when the tool is here.
+    Message { text: Text },
     /// `M2`, or `M30` when it rewinds.
     ProgramEnd { rewind: bool },
 }
@@ -211,6 +214,7 @@ impl Action {
             Self::Dwell { .. } => "dwell",
             Self::Stop { .. } => "stop_point",
             Self::ProgramEnd { .. } => "program_end",
+            Self::Message { .. } => "message",
             Self::ToolLength { .. }
             | Self::WorkOffset { .. }
             | Self::Auxiliary { .. }
@@ -255,6 +259,7 @@ impl Action {
             Self::StoreReference { second } => if second { "G30.1" } else { "G28.1" }.into(),
             Self::Home { axes } => format!("Home {}", axes.letters()),
             Self::ExactStop => "G9".into(),
+            Self::Message { text } => format!("(MSG, {text})"),
             Self::ProgramEnd { rewind: false } => "M2".into(),
             Self::ProgramEnd { rewind: true } => "M30".into(),
         }

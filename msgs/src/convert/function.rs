@@ -3,6 +3,7 @@
 use super::{WireError, number, position};
 use crate::contour::{Action, CoolantMode, SpindleMode};
 use crate::geometry::AxisSet;
+use crate::text::Text;
 use crate::units::{
     m_from_mm, m_per_s_from_mm_per_min, mm_from_m, mm_per_min_from_m_per_s, point_from_position,
     rad_per_s_from_rpm, received_mm, received_mm_per_min, received_rpm, rpm_from_rad_per_s,
@@ -75,6 +76,10 @@ impl From<&Action> for wire::MachineFunction {
                 Self::HOME
             }
             Action::ExactStop => Self::EXACT_STOP,
+            Action::Message { text } => {
+                out.text = text.to_string();
+                Self::MESSAGE
+            }
             Action::ProgramEnd { rewind: false } => Self::PROGRAM_END,
             Action::ProgramEnd { rewind: true } => Self::PROGRAM_END_REWIND,
         };
@@ -170,6 +175,12 @@ impl TryFrom<&wire::MachineFunction> for Action {
             W::MACHINE_FEED => machine_move(false)?,
             W::HOME => Self::Home { axes },
             W::EXACT_STOP => Self::ExactStop,
+            W::MESSAGE => match Text::new(&function.text) {
+                Some(text) => Self::Message { text },
+                None => {
+                    return Err(WireError::Text { field: "text", value: function.text.clone() });
+                }
+            },
             W::PROGRAM_END => Self::ProgramEnd { rewind: false },
             W::PROGRAM_END_REWIND => Self::ProgramEnd { rewind: true },
             value => return Err(WireError::Constant { field: "kind", value: value.into() }),

@@ -33,6 +33,7 @@ use cnc_msgs::contour::{
 };
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
+use cnc_msgs::text::Text;
 use cnc_msgs::units::received_mm;
 use compensation::Compensation;
 pub(crate) use cycles::Cycle;
@@ -230,6 +231,14 @@ impl<'r> Interpreter<'r> {
     /// Events so far.
     pub(crate) fn event_count(&self) -> usize {
         self.contour.events.len()
+    }
+
+    /// Shows a text to the operator here.
+    pub(crate) fn show(&mut self, source: Source, text: &str) {
+        self.source = source;
+        for text in Text::parts(text) {
+            self.act(Action::Message { text });
+        }
     }
 
     /// Executes one block; returns what follows it.

@@ -6,6 +6,7 @@
 
 pub(crate) mod call;
 mod computed;
+pub(crate) mod remark;
 
 use crate::block::{Block, LexerRules, Word};
 use crate::expression::Lookup;
@@ -14,6 +15,7 @@ use crate::limits::{BLOCK_WORDS_MAX, NUMBER_MAX};
 use crate::line::Line;
 use crate::number::{self, NotANumber, NumberError};
 use cnc_msgs::finding::{Code, Finding};
+use remark::Remark;
 
 /// Splits a line that is not longer than a [`Word`]'s places can express.
 ///
@@ -27,6 +29,7 @@ pub(crate) fn read(
 ) {
     block.words.clear();
     block.assignments.clear();
+    block.remarks.clear();
     block.number = None;
     (block.start, block.end) = (0, 0);
     (block.is_optional, block.is_damaged) = (false, false);
@@ -253,6 +256,9 @@ impl Lexer<'_> {
             return self.report(Code::Syntax, start, message, "close it with ) on the same line");
         };
         self.at = start + length + 2;
+        if self.rules.parameters && length > 4 {
+            self.block.remarks.extend(Remark::read(self.line.text, start, self.at));
+        }
         if rest[length] == b'(' {
             let inner = self.at - 1;
             let close = memchr::memrchr(b')', self.line.text);

@@ -3,6 +3,8 @@
 //! Knows where a program begins and ends, and blocks by hand; O words are [`flow`](crate::flow)'s,
 //! blocks the lexer's and the interpreter's.
 
+mod remarks;
+
 use crate::LoadOptions;
 use crate::block::Block;
 use crate::dialect::Dialect;
@@ -40,6 +42,8 @@ pub(crate) struct Reader<'r> {
     section: Section,
     has_blocks: bool,
     parameters: Parameters,
+    /// It has been said that no log file is written.
+    has_reported_log: bool,
     /// Nothing where the program has no O words.
     flow: Option<Flow<'r>>,
 }
@@ -71,6 +75,7 @@ impl<'r> Reader<'r> {
             section: Section::Before,
             has_blocks: false,
             parameters: Parameters::default(),
+            has_reported_log: false,
             flow: (!flow.entries.is_empty()).then(|| Flow::new(text, flow, options.flow)),
         }
     }
@@ -159,6 +164,9 @@ impl<'r> Reader<'r> {
             self.has_blocks = true;
             self.section = Section::Within;
             self.assign(line);
+        }
+        if !self.block.remarks.is_empty() {
+            self.remarks(line);
         }
         if self.block.words.is_empty() && !self.block.is_damaged {
             return After::Block;

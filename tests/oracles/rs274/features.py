@@ -889,8 +889,9 @@ def comments(program, rng):
     for _ in range(8):
         program.add(rng.choice([
             "(a comment)", "; another", f"{move(rng)} (beside)", f"(before) {move(rng)}",
-            f"{move(rng)} ; (both)", "()", "(MSG, hello)", "(msg,hello)", "(PRINT, #1)",
-            "(DEBUG, #1 and #<_x>)", "(LOG, nothing)", "(LOGOPEN,log.txt)", "(LOGCLOSE)",
+            f"{move(rng)} ; (both)", "()", "(MSG, hello #1)", "(msg,hello)", "(PRINT, #1)", "#7=1.23456 (DEBUG, %d#7 %.3f#7)",
+            "(DEBUG, #1 and #<_x> ##7 #<nothing>)", "(LOG, l #7)", "(LOGOPEN,log.txt)",
+            "(LOGCLOSE)", "( debug,#<_metric>%f#7)", "(MSG,)", "(M SG,no)", "(DEBUG, [#7] 50 %)",
             "(AXIS,hide)", "  ", "(ümläut)", "; (open", "(%.3f#1)", f"G1 (in) X{mm(rng)}"]))
         program.add(move(rng))
 

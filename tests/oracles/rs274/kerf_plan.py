@@ -87,7 +87,7 @@ class Reader:
         text, state, kind = event["text"], self.state, event["kind"]
         where = f"line {event['line']}"
         if kind == "message":
-            self.add("message", event, text)
+            self.add("message", event, text.removeprefix("(MSG, ").removesuffix(")"))
         elif match := re.fullmatch(r"S([-\d.e]+)", text):
             state.speed = float(match[1])
         elif text in ("M3", "M4", "M5"):

@@ -45,6 +45,9 @@ class Reader:
                 self.function(word, arguments)
                 if word == "PROGRAM_END":
                     break
+            else:
+                # PRINT writes the bare text.
+                self.event("message", line)
         return self.items
 
     def function(self, word, arguments):
@@ -160,6 +163,11 @@ class Reader:
         end[one], end[two], end[three] = first, second, self.lengths(numbers[5:6])[0]
         center = (first_center + self.g92[one], second_center + self.g92[two])
         self.add("arc", end, numbers[6:9], plane=name, center=center, rotation=int(numbers[4]))
+
+    def on_message(self, arguments):
+        self.event("message", arguments[1:-1])
+
+    on_log = on_message
 
     def on_dwell(self, arguments):
         self.event("dwell", self.numbers(arguments)[0])

@@ -80,7 +80,8 @@ class Event:
 
     @property
     def is_empty(self):
-        return self.kind == "dwell" and self.value == 0.0
+        return self.kind == "dwell" and self.value == 0.0 or \
+            self.kind == "message" and not self.value.strip()
 
     def __str__(self):
         return f"{self.kind} {self.value if self.value is not None else ''} ({self.where})"

@@ -51,7 +51,10 @@ impl Walk<'_> {
                 if is_refused && matches!(action, Action::ChangeTool { .. }) {
                     self.refused_tool = Some(source);
                 }
-                active.between.block(source);
+                // A comment is no block between two moves.
+                if !matches!(action, Action::Message { .. }) {
+                    active.between.block(source);
+                }
                 active.push_item(source, ItemKind::Action(action));
             }
         }
