@@ -4,7 +4,7 @@
 //! never sees a G number. Order is order of execution.
 
 use crate::geometry::{AxisSet, Direction, Plane, Position, Shape};
-use crate::text::Text;
+use crate::text::{Text, Words};
 use serde::{Deserialize, Serialize};
 
 /// What a part program means, before any compensation.
@@ -165,8 +165,8 @@ pub enum Action {
     WorkOffset { system: u8 },
     /// `G4`, seconds.
     Dwell { seconds: f64 },
-    /// A word that only the machine understands: `M62`, `H3`.
-    Auxiliary { letter: char, number: f64 },
+    /// A word that only the machine understands: `H3`, or `M62` with the words `P1`.
+    Auxiliary { letter: char, number: f64, words: Words },
     /// `M0`, or `M1` when optional: motion stops until the operator resumes it.
     Stop { optional: bool },
     /// `G28`, or `G30` when second: these axes go to the stored position.
@@ -243,7 +243,10 @@ impl Action {
             Self::ToolLength { offset: None, .. } => "G49".into(),
             Self::WorkOffset { system } => work_system(system),
             Self::Dwell { seconds } => format!("G4 P{seconds}"),
-            Self::Auxiliary { letter, number } => format!("{letter}{number}"),
+            Self::Auxiliary { letter, number, words } => {
+                let blank = if words == Words::EMPTY { "" } else { " " };
+                format!("{letter}{number}{blank}{words}")
+            }
             Self::Stop { optional: false } => "M0".into(),
             Self::Stop { optional: true } => "M1".into(),
             Self::Reference { axes, second } => {

@@ -4,23 +4,26 @@
 
 use std::fmt;
 
-/// At most [`Text::BYTES_MAX`] bytes of UTF-8.
+/// At most `MAX` bytes of UTF-8, which are fewer than 256. An event with the longest text is no
+/// larger than one with an arc.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Text {
+pub struct Text<const MAX: usize = 62> {
     length: u8,
-    bytes: [u8; Self::BYTES_MAX],
+    bytes: [u8; MAX],
 }
 
-impl Text {
-    /// An event with a text is no larger than one with an arc.
-    pub const BYTES_MAX: usize = 62;
+/// The words of a machine function: `P1 L3`.
+pub type Words = Text<44>;
 
+impl<const MAX: usize> Text<MAX> {
     /// The text; `None` if it is too long.
     pub fn new(text: &str) -> Option<Self> {
-        let mut bytes = [0; Self::BYTES_MAX];
+        let mut bytes = [0; MAX];
         bytes.get_mut(..text.len())?.copy_from_slice(text.as_bytes());
         Some(Self { length: text.len() as u8, bytes })
     }
+
+    pub const EMPTY: Self = Self { length: 0, bytes: [0; MAX] };
 
     pub fn as_str(&self) -> &str {
         // Made of a text, and never changed.
@@ -41,10 +44,10 @@ impl Text {
 
     /// As much of the beginning as fits.
     fn first_part(text: &str) -> Option<&str> {
-        if text.len() <= Self::BYTES_MAX {
+        if text.len() <= MAX {
             return (!text.is_empty()).then_some(text);
         }
-        let fits = (1..=Self::BYTES_MAX).rev().find(|&at| text.is_char_boundary(at))?;
+        let fits = (1..=MAX).rev().find(|&at| text.is_char_boundary(at))?;
         if text[fits..].starts_with(' ') {
             return Some(&text[..fits]);
         }
@@ -52,13 +55,19 @@ impl Text {
     }
 }
 
-impl fmt::Display for Text {
+impl<const MAX: usize> Default for Text<MAX> {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+impl<const MAX: usize> fmt::Display for Text<MAX> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.as_str())
     }
 }
 
-impl fmt::Debug for Text {
+impl<const MAX: usize> fmt::Debug for Text<MAX> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Debug::fmt(self.as_str(), f)
     }
@@ -80,7 +89,7 @@ mod tests {
             (long.repeat(2), vec![&long.repeat(2)[..62], &long.repeat(2)[62..]]),
             (wide.clone(), vec![&wide[..62], &wide[62..]]),
         ] {
-            let parts = Text::parts(&text);
+            let parts: Vec<Text> = Text::parts(&text);
             let parts: Vec<&str> = parts.iter().map(Text::as_str).collect();
             assert_eq!(parts, wanted, "{text:?}");
         }
@@ -89,6 +98,6 @@ mod tests {
     #[test]
     fn a_text_makes_an_event_no_larger_than_a_motion_does() {
         assert!(size_of::<ContourEventKind>() <= size_of::<Motion>() + 8);
-        assert_eq!(Text::new(&"x".repeat(63)), None);
+        assert_eq!(Text::<62>::new(&"x".repeat(63)), None);
     }
 }

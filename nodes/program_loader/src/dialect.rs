@@ -275,6 +275,10 @@ pub(crate) enum MWord {
     Auxiliary {
         after_motion: bool,
     },
+    /// M61: names the tool in the spindle.
+    NameTool,
+    /// A function of the machine with words of its own (`interpreter/machine_words.rs`).
+    Machine,
     Refused(&'static str),
     Unknown,
 }

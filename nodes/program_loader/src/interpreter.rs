@@ -12,12 +12,14 @@ mod compensation;
 mod cycles;
 mod feeds;
 mod home;
+mod machine_words;
 mod moves;
 mod offsets;
 mod polar;
 mod refusals;
 mod request;
 mod saved_state;
+mod scene;
 mod system;
 
 use crate::block::Block;
@@ -38,12 +40,14 @@ use cnc_msgs::units::received_mm;
 use compensation::Compensation;
 pub(crate) use cycles::Cycle;
 use cycles::CycleWords;
+use machine_words::Overrides;
 pub(crate) use offsets::OffsetWord;
 use polar::Polar;
 use request::Request;
 pub(crate) use request::code_in_tenths;
 use saved_state::SavedState;
 pub(crate) use saved_state::StateWord;
+use scene::Scene;
 use std::cell::Cell;
 
 /// What follows a block.
@@ -59,48 +63,6 @@ pub(crate) enum After {
     },
     /// M99.
     EndOfProgram,
-}
-
-/// One block during its execution.
-#[derive(Debug)]
-struct Scene<'s> {
-    line: Line<'s>,
-    block: &'s Block,
-    rules: &'s Rules<'s>,
-    findings: &'s mut Findings,
-    /// Where compensation was selected, if it is on when the block begins.
-    under_compensation: Option<Source>,
-    /// The plane when the block begins.
-    plane: Plane,
-}
-
-impl Scene<'_> {
-    /// The place of a word in the program.
-    fn source_of(&self, word: usize) -> Source {
-        let word = self.block.words[word];
-        self.line.source(self.block.number, usize::from(word.start), usize::from(word.end))
-    }
-
-    /// The place of the whole block in the program.
-    #[inline]
-    fn source(&self) -> Source {
-        if !self.block.has_remark {
-            // Words are ASCII: a byte is a character.
-            return Source {
-                line: self.line.number,
-                block: self.block.number,
-                column: (self.block.start + 1) as u16,
-                length: (self.block.end - self.block.start) as u16,
-            };
-        }
-        self.line.source(self.block.number, self.block.start, self.block.end)
-    }
-
-    /// A word as the program has it.
-    fn quote(&self, word: usize) -> String {
-        let word = self.block.words[word];
-        self.line.quote(usize::from(word.start), usize::from(word.end))
-    }
 }
 
 /// What stays in force from one block to the next.
@@ -125,6 +87,9 @@ struct Modal {
     selected_tool: Option<u32>,
     /// The tool of the last M6.
     spindle_tool: Option<u32>,
+    /// M61 has said which tool that is.
+    is_tool_named: bool,
+    overrides: Overrides,
     /// G43 H.
     length: Option<u32>,
     work_offset: u8,
@@ -163,6 +128,8 @@ pub(crate) struct Interpreter<'r> {
     saved: Vec<Option<(SavedState, bool)>>,
     contour: ProgrammedContour,
     bounds: Bounds,
+    /// Tools of M61.
+    named_tools: Vec<(u32, Source)>,
 }
 
 impl<'r> Interpreter<'r> {
@@ -196,6 +163,8 @@ impl<'r> Interpreter<'r> {
                 feed_is_poisoned: false,
                 selected_tool: None,
                 spindle_tool: None,
+                is_tool_named: false,
+                overrides: Overrides::default(),
                 length: None,
                 work_offset: 1,
                 shift: [0.0; 3],
@@ -220,6 +189,7 @@ impl<'r> Interpreter<'r> {
             saved: vec![None],
             contour,
             bounds: Bounds::default(),
+            named_tools: Vec::new(),
         }
     }
 
@@ -343,10 +313,11 @@ impl<'r> Interpreter<'r> {
         self.modal.mode_is_poisoned = true;
     }
 
-    /// Returns the contour, and the box around it if it has any motion.
-    pub(crate) fn finish(mut self) -> (ProgrammedContour, Option<Bounds>) {
+    /// Returns the contour, the box around it if it has any motion, and the tools of M61.
+    pub(crate) fn finish(mut self) -> (ProgrammedContour, Option<Bounds>, Vec<(u32, Source)>) {
         self.contour.assumed_axes = self.contour.assumed_axes.union(self.read_axes.get());
-        (self.contour, (!self.bounds.axes.is_empty()).then_some(self.bounds))
+        let bounds = (!self.bounds.axes.is_empty()).then_some(self.bounds);
+        (self.contour, bounds, self.named_tools)
     }
 
     /// Adds an event, with numbers rounded as the planner's node receives them, so that `kerf plan`

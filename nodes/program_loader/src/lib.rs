@@ -77,6 +77,8 @@ pub struct Loaded {
     pub line_count: u32,
     /// The box around all motion; `None` without motion or with an error.
     pub bounds: Option<Bounds>,
+    /// The tools that M61 says are in the spindle, without a change.
+    pub named_tools: Vec<(u32, Source)>,
 }
 
 impl Loaded {
@@ -101,6 +103,9 @@ impl Loaded {
             {
                 others.entry(tool).or_insert(event.source);
             }
+        }
+        for &(tool, source) in self.named_tools.iter().filter(|(tool, _)| !allowed.contains(tool)) {
+            others.entry(tool).or_insert(source);
         }
         if others.is_empty() {
             return;
@@ -159,7 +164,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
 
     let refused = |findings: Findings| {
         let contour = ProgrammedContour { start: options.start, ..ProgrammedContour::default() };
-        Loaded { contour, findings: findings.finish(), line_count, bounds: None }
+        Loaded { contour, findings: findings.finish(), line_count, ..Loaded::default() }
     };
     if let Some(refusal) = refuse_whole(text, line_count) {
         findings.push(refusal);
@@ -178,8 +183,8 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     if findings.has_error() {
         return refused(findings);
     }
-    let (contour, bounds) = interpreter.finish();
-    Loaded { contour, findings: findings.finish(), line_count, bounds }
+    let (contour, bounds, named_tools) = interpreter.finish();
+    Loaded { contour, findings: findings.finish(), line_count, bounds, named_tools }
 }
 
 /// Checks for which a program is rejected before its lines are read.

@@ -660,7 +660,7 @@ def tool_lengths(program, rng):
         tool = rng.randint(1, 9)
         program.add(rng.choice([
             f"T{tool} M6 G43", f"T{tool} M6", f"G43 H{tool}", "G43", "G49", f"G43.1 Z{tool}",
-            f"G43.1 X{tool} Z{tool}.5", f"G43.2 H{tool}", f"M61 Q{tool}"]))
+            f"G43.1 X{tool} Z{tool}.5", f"G43.2 H{tool}"]))
         program.add("G0 " + " ".join(f"{axis}{rng.randint(-30, 30)}" for axis in "XYZ"))
         program.add(f"G0 X[{rng.choice(['#5400', '#<_current_tool>', '#<_tool_offset>'])}]")
 
@@ -905,10 +905,14 @@ def path_modes(program, rng):
 
 @feature("outputs and overrides", 60)
 def outputs(program, rng):
+    program.tools = [(1, 3.0, 0.0)]
     for _ in range(5):
         program.add(rng.choice([
             "M48", "M49", "M50 P0", "M51 P1", "M52 P1", "M53 P0", "M62 P1", "M63 P1", "M64 P2",
-            "M65 P2", "M66 P0 L0", "M66 E0 L0", "M67 E1 Q0.5", "M68 E1 Q2.5", "M19 R45"]), move(rng))
+            "M65 P2", "M66 P0 L0", "M66 E0 L0", "M67 E1 Q0.5", "M68 E1 Q2.5", "M19 R45",
+            "M19 R270 P1", "M66 P1 L3 Q2", "M62 P[1 + 1]", "M50", "M52 P0", "M61 Q1",
+            "(DEBUG, #<_feed_override> #<_speed_override> #<_adaptive_feed> #<_feed_hold>)"]),
+            move(rng))
 
 
 @feature("saved state", 80)

@@ -134,5 +134,13 @@ class Reader:
                                    replace(state), where, axes="".join(words),
                                    machine_end=tuple(words.get(axis, 0.0) for axis in "XYZ"),
                                    rotary=None))
-        elif not re.fullmatch(r"G43 H\d+|G49", text):
+        elif match := re.fullmatch(r"(M(?:19|6[2-8]))((?: [A-Z][-\d.e]+)*)", text):
+            words = {it[0]: float(it[1:]) for it in match[2].split()}
+            if match[1] == "M19":
+                self.add("output", event, ("M19", words.get("R", 0.0), words.get("P", 0.0)))
+            elif match[1] != "M66":
+                # LinuxCNC prints no M66.
+                self.add("output", event, (match[1], *words.values()))
+        # LinuxCNC says what M48 to M53 have switched, not which word has done so.
+        elif not re.fullmatch(r"M(48|49|5[0-3])(?: P[01])?", text) and not re.fullmatch(r"G43 H\d+|G49", text):
             self.unknown.add(re.sub(r"[-\d.]{3,}", "N", text))

@@ -13,6 +13,10 @@ from sequence import SAME_MM, Answer, Event, Move, State
 PLANES = {"XY": ("xy", 0, 1, 2), "YZ": ("yz", 1, 2, 0), "XZ": ("zx", 2, 0, 1)}
 CURVES = ("NURBS_FEED", "NURBS_G5_FEED", "NURBS_G6_FEED")
 
+OUTPUTS = {"SET_MOTION_OUTPUT_BIT": "M62", "CLEAR_MOTION_OUTPUT_BIT": "M63",
+           "SET_AUX_OUTPUT_BIT": "M64", "CLEAR_AUX_OUTPUT_BIT": "M65",
+           "SET_MOTION_OUTPUT_VALUE": "M67", "SET_AUX_OUTPUT_VALUE": "M68"}
+
 
 class Reader:
     """`size`: how many times as large as meant the program was written. `tools`: in the order of
@@ -52,6 +56,8 @@ class Reader:
 
     def function(self, word, arguments):
         handler = getattr(self, "on_" + word.lower(), None)
+        if word in OUTPUTS:
+            handler = self.output(OUTPUTS[word])
         if handler:
             handler(arguments)
         elif word in CURVES:
@@ -163,6 +169,14 @@ class Reader:
         end[one], end[two], end[three] = first, second, self.lengths(numbers[5:6])[0]
         center = (first_center + self.g92[one], second_center + self.g92[two])
         self.add("arc", end, numbers[6:9], plane=name, center=center, rotation=int(numbers[4]))
+
+    def output(self, word):
+        def handler(arguments):
+            self.event("output", (word, *self.numbers(arguments)))
+        return handler
+
+    def on_orient_spindle(self, arguments):
+        self.event("output", ("M19", *self.numbers(arguments)[1:]))
 
     def on_message(self, arguments):
         self.event("message", arguments[1:-1])

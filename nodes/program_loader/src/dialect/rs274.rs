@@ -22,7 +22,7 @@ pub(super) static DIALECT: Dialect = Dialect {
     g,
     m,
     plane: Plane::Xy,
-    letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
+    letters: Letters::of(b"XYZIJKRFSTDHLPQE"),
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     approach: ApproachWords::None,
@@ -129,7 +129,8 @@ pub(super) fn common(tenths: u16) -> GWord {
 
 fn m(number: u16) -> MWord {
     match number {
-        48 | 49 | 100..=199 => MWord::Auxiliary { after_motion: false },
+        19 | 48..=53 | 62..=68 | 100..=199 => MWord::Machine,
+        61 => MWord::NameTool,
         60 => MWord::Stop { optional: false },
         70 => MWord::State(StateWord::Save { returns: false }),
         71 => MWord::State(StateWord::Forget),
@@ -208,7 +209,7 @@ mod tests {
         for number in 0..=999 {
             let becomes = match m(number) {
                 MWord::Unknown => None,
-                MWord::Auxiliary { .. } => Some("passed on"),
+                MWord::Machine => Some("passed on"),
                 MWord::Refused(_) => Some("refused"),
                 _ => Some("done"),
             };

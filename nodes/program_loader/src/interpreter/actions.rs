@@ -10,6 +10,7 @@ use crate::limits::{
 use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, RadiusSource, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::text::Words;
 
 /// The words of the work systems 1 to 6.
 const WORK_SYSTEMS: [&str; 6] = ["G54", "G55", "G56", "G57", "G58", "G59"];
@@ -60,7 +61,8 @@ impl Interpreter<'_> {
         if !auxiliary.is_empty() {
             for letter in auxiliary.iter() {
                 if let Some(number) = self.take_within(scene, letter, 1.0, NUMBER_MAX, "") {
-                    self.act(Action::Auxiliary { letter: char::from(letter), number });
+                    let letter = char::from(letter);
+                    self.act(Action::Auxiliary { letter, number, words: Words::EMPTY });
                 }
             }
         }
@@ -115,7 +117,7 @@ impl Interpreter<'_> {
         // One kind after the other, in a fixed order.
         for kind in 0..3 {
             let mut next = 0;
-            while let Some((meaning, number, _)) = self.request.m_at(next) {
+            while let Some((meaning, number, at)) = self.request.m_at(next) {
                 next += 1;
                 match (kind, meaning) {
                     (0, MWord::Spindle(mode)) => {
@@ -130,17 +132,25 @@ impl Interpreter<'_> {
                         self.act(Action::Coolant(mode));
                     }
                     (2, MWord::Auxiliary { after_motion: false }) => {
-                        self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
+                        self.act_auxiliary(number);
                     }
+                    (2, MWord::Machine) => self.machine_word(scene, number, at),
+                    (2, MWord::NameTool) => self.name_tool(scene, at),
                     _ => {}
                 }
             }
         }
     }
 
+    fn act_auxiliary(&mut self, number: u16) {
+        let number = f64::from(number);
+        self.act(Action::Auxiliary { letter: 'M', number, words: Words::EMPTY });
+    }
+
     fn change_tool(&mut self, scene: &mut Scene<'_>, at: usize) {
         if let Some(tool) = self.modal.selected_tool {
             self.modal.spindle_tool = Some(tool);
+            self.modal.is_tool_named = false;
             // The change stops the spindle.
             self.modal.spindle = SpindleMode::Off;
             self.act(Action::ChangeTool { tool });
@@ -159,9 +169,7 @@ impl Interpreter<'_> {
         while let Some((meaning, number, _)) = self.request.m_at(next) {
             next += 1;
             match meaning {
-                MWord::Auxiliary { after_motion: true } => {
-                    self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
-                }
+                MWord::Auxiliary { after_motion: true } => self.act_auxiliary(number),
                 MWord::Stop { .. } | MWord::ProgramEnd { .. } if self.stop(meaning) => {
                     after = After::End;
                 }

@@ -301,7 +301,9 @@ fn excludes(one: MWord, other: MWord) -> bool {
             MWord::Stop { .. } | MWord::ProgramEnd { .. },
             MWord::Stop { .. } | MWord::ProgramEnd { .. },
         )
-        | (MWord::Spindle(_), MWord::Spindle(_)) => true,
+        | (MWord::Spindle(_), MWord::Spindle(_))
+        | (MWord::ChangeTool, MWord::NameTool)
+        | (MWord::NameTool, MWord::ChangeTool) => true,
         (MWord::Coolant(one), MWord::Coolant(other)) => {
             one == CoolantMode::Off || other == CoolantMode::Off
         }

@@ -1,10 +1,11 @@
 //! M70, M71, M72 and M73: the words in force are saved, and said again later.
 //!
 //! Saved are those that LinuxCNC saves: units, plane, distances, feed mode and feed, work system,
-//! whether G92 and G52 act, tool length, spindle and coolant, and where cycles end. Cutter radius
+//! whether G92 and G52 act, tool length, spindle and coolant, overrides, and where cycles end. Cutter radius
 //! compensation is not switched by restoring: that is an error. M73 in a subroutine restores by
 //! itself at its end.
 
+use super::machine_words::Overrides;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, FeedMode, Units};
 use crate::findings::Findings;
@@ -49,6 +50,7 @@ pub(super) struct SavedState {
     is_shifted: bool,
     length: Option<u32>,
     side: Option<CutterSide>,
+    overrides: Overrides,
 }
 
 impl Interpreter<'_> {
@@ -114,6 +116,7 @@ impl Interpreter<'_> {
             is_shifted: modal.shift != [0.0; 3],
             length: modal.length,
             side: modal.compensation.side(),
+            overrides: modal.overrides,
         }
     }
 
@@ -145,6 +148,7 @@ impl Interpreter<'_> {
                 }
             }
         }
+        self.restore_overrides(saved.overrides);
         let modal = &mut self.modal;
         modal.distance = saved.distance;
         modal.centers = saved.centers;

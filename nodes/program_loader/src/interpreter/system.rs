@@ -19,7 +19,7 @@ const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 7] = [
     (5081..=5089, "a tool length, which the loader does not know"),
     (5161..=5199, "a stored position of the machine, which is known only there"),
     (5221..=5390, "a work offset of the machine, which is known only there"),
-    (5399..=5399, "the result of M66, which is not supported"),
+    (5399..=5399, "the result of M66, which is known only while the machine runs"),
     (5401..=5413, "an entry of the tool table, which the loader does not know"),
 ];
 
@@ -85,8 +85,10 @@ impl Interpreter<'_> {
             "_spindle_cw" => is(modal.spindle == SpindleMode::Clockwise),
             "_mist" => is(modal.mist),
             "_flood" => is(modal.flood),
-            "_speed_override" | "_feed_override" => is(true),
-            "_adaptive_feed" | "_feed_hold" => is(false),
+            "_speed_override" => is(modal.overrides.speed),
+            "_feed_override" => is(modal.overrides.feed),
+            "_adaptive_feed" => is(modal.overrides.adapts),
+            "_feed_hold" => is(modal.overrides.may_hold),
             "_feed" => Some(Ok(modal.programmed_feed)),
             "_rpm" => Some(Ok(modal.rpm)),
             "_x" => Some(self.position_of(0)),
