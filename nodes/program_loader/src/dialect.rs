@@ -12,7 +12,7 @@ mod rs274;
 mod sinumerik_840c;
 
 use crate::block::LexerRules;
-pub(crate) use crate::interpreter::{Cycle, OffsetWord, StateWord};
+pub(crate) use crate::interpreter::{Cycle, OffsetWord, Spline, StateWord};
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile;
@@ -228,6 +228,8 @@ pub(crate) enum Mode {
     },
     /// A drilling cycle.
     Cycle(Cycle),
+    /// A curve, or a part of one.
+    Spline(Spline),
 }
 
 /// How F is given.

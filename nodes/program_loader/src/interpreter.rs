@@ -20,6 +20,7 @@ mod refusals;
 mod request;
 mod saved_state;
 mod scene;
+mod splines;
 mod system;
 
 use crate::block::Block;
@@ -48,6 +49,8 @@ pub(crate) use request::code_in_tenths;
 use saved_state::SavedState;
 pub(crate) use saved_state::StateWord;
 use scene::Scene;
+use splines::OpenCurve;
+pub(crate) use splines::Spline;
 use std::cell::Cell;
 
 /// What follows a block.
@@ -130,6 +133,9 @@ pub(crate) struct Interpreter<'r> {
     bounds: Bounds,
     /// Tools of M61.
     named_tools: Vec<(u32, Source)>,
+    open_curve: Option<OpenCurve>,
+    /// P and Q of the last G5, while no other motion has come.
+    last_cubic: Option<[f64; 2]>,
 }
 
 impl<'r> Interpreter<'r> {
@@ -190,6 +196,8 @@ impl<'r> Interpreter<'r> {
             contour,
             bounds: Bounds::default(),
             named_tools: Vec::new(),
+            open_curve: None,
+            last_cubic: None,
         }
     }
 

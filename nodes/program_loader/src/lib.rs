@@ -18,6 +18,7 @@
 
 mod block;
 mod bounds;
+mod curve;
 mod dialect;
 mod expression;
 mod findings;

@@ -349,6 +349,11 @@ impl<'r> Reader<'r> {
                     .help("nothing will move; is it the right file?"),
             );
         }
+        if let Some(source) = self.interpreter.open_curve() {
+            let message = "the curve that G5.2 begins has no G5.3";
+            let finding = Finding::error(Code::MissingWord, source, message);
+            self.findings.push(finding.help("write G5.3 after the last control point"));
+        }
         if matches!(self.section, Section::After { .. }) {
             return;
         }

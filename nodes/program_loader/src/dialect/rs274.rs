@@ -2,7 +2,7 @@
 
 use super::{
     ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, Letters, MWord, Mode,
-    OffsetWord, StateWord, Units,
+    OffsetWord, Spline, StateWord, Units,
 };
 use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
@@ -33,7 +33,6 @@ pub(super) static DIALECT: Dialect = Dialect {
 };
 
 pub(super) const CYCLE: &str = "post the program with canned cycles expanded to G0 and G1";
-pub(super) const NURBS: &str = "post curves as G1, G2 and G3";
 pub(super) const PROBE: &str = "probe with the probe action, outside part programs";
 pub(super) const THREAD: &str =
     "the spindle and the axes are not synchronised; thread on a lathe control";
@@ -47,7 +46,10 @@ fn g(tenths: u16) -> GWord {
         430 => GWord::LengthOn,
         411 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: true },
         421 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: true },
-        50..=53 => GWord::RefusedMotion(NURBS),
+        50 => GWord::Motion(Mode::Spline(Spline::Cubic)),
+        51 => GWord::Motion(Mode::Spline(Spline::Quadratic)),
+        52 => GWord::Motion(Mode::Spline(Spline::Open)),
+        53 => GWord::Motion(Mode::Spline(Spline::Close)),
         70 => GWord::Diameter(true),
         80 => GWord::Diameter(false),
         100 => GWord::Offset(OffsetWord::Set),

@@ -6,7 +6,7 @@
 use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
 use crate::block::Word;
-use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode};
+use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode, Spline};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
 use cnc_msgs::finding::{Code, Finding};
@@ -29,6 +29,9 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn motion(&mut self, scene: &mut Scene<'_>) {
         let word = self.request.g(Group::Motion);
+        if self.open_curve.is_some() {
+            self.check_open_curve(scene);
+        }
         if self.request.g(Group::CycleCancel).is_some() {
             // It ends a cycle that was rejected: the moves after it are unknown, too.
             self.modal.mode = None;
@@ -38,6 +41,9 @@ impl Interpreter<'_> {
             Some((GWord::Motion(mode), _)) => {
                 if !matches!(mode, Mode::Cycle(_)) {
                     self.end_cycles();
+                }
+                if mode != Mode::Spline(Spline::Cubic) {
+                    self.last_cubic = None;
                 }
                 self.modal.mode = Some(mode);
                 self.modal.mode_is_poisoned = false;
@@ -69,6 +75,11 @@ impl Interpreter<'_> {
         }
         if let Some((_, at)) = self.request.g(Group::MachineCoordinates) {
             return self.machine_move(scene, at);
+        }
+        if let Some(Mode::Spline(spline)) = self.modal.mode
+            && (word.is_some() || has_axes)
+        {
+            return self.spline(scene, spline);
         }
         let is_arc = matches!(self.modal.mode, Some(Mode::Arc { .. }));
         let has_circle = is_arc && self.asks_for_circle(word.is_some());
@@ -107,6 +118,8 @@ impl Interpreter<'_> {
             Some(Mode::Feed) => self.straight(scene, MotionClass::Feed),
             Some(Mode::Arc { clockwise }) => self.arc(scene, clockwise),
             Some(Mode::Cycle(cycle)) => self.cycle(scene, cycle),
+            // They have been followed above.
+            Some(Mode::Spline(_)) => {}
             Some(Mode::Polar { rapid }) => {
                 self.polar(scene, if rapid { MotionClass::Rapid } else { MotionClass::Feed });
             }

@@ -149,6 +149,7 @@ impl Interpreter<'_> {
             Some(Mode::Arc { clockwise: true }) => 20.0,
             Some(Mode::Arc { clockwise: false }) => 30.0,
             Some(Mode::Cycle(cycle)) => f64::from(cycle.number()) * 10.0,
+            Some(Mode::Spline(spline)) => spline.number(),
         }
     }
 }
