@@ -158,10 +158,11 @@ pub enum Action {
     SelectTool { tool: u32 },
     /// `M6`: the tool that is in the spindle afterwards.
     ChangeTool { tool: u32 },
-    /// `G43 H` and `G49`: the tool length offset; the loader gives the number
-    /// (`None`: cancel), the planner fills in the length from the tool table.
+    /// `G43 H` and `G49`: the tool length offset; the loader gives the number (`None`: cancel), and
+    /// what is added to the length in the tool table; the planner adds them. Number 0 is no tool:
+    /// the program gives the whole length (`G43.1`).
     ToolLength { offset: Option<u32>, length_mm: f64 },
-    /// `G54` to `G59`: 1 to 6. Positions after it are in that system.
+    /// `G54` to `G59.3`: 1 to 9. Positions after it are in that system.
     WorkOffset { system: u8 },
     /// `G4`, seconds.
     Dwell { seconds: f64 },
@@ -172,7 +173,7 @@ pub enum Action {
     /// `G28`, or `G30` when second: these axes go to the stored position.
     Reference { axes: AxisSet, second: bool },
     /// `G10 L2`, or `G10 L20` when `by_position`: the controller stores the origin of a work
-    /// system, 1 to 6, in machine coordinates, or so that the position now reads this, mm; only the
+    /// system, 1 to 9, in machine coordinates, or so that the position now reads this, mm; only the
     /// axes that are named.
     SetWorkOffset { system: u8, axes: AxisSet, origin: Position, by_position: bool },
     /// `G28.1`, or `G30.1` when second: the controller stores where it is.
@@ -239,6 +240,7 @@ impl Action {
             Self::Coolant(CoolantMode::Off) => "M9".into(),
             Self::SelectTool { tool } => format!("T{tool}"),
             Self::ChangeTool { .. } => "M6".into(),
+            Self::ToolLength { offset: Some(0), length_mm } => format!("G43.1 Z{length_mm}"),
             Self::ToolLength { offset: Some(offset), .. } => format!("G43 H{offset}"),
             Self::ToolLength { offset: None, .. } => "G49".into(),
             Self::WorkOffset { system } => work_system(system),
@@ -269,9 +271,12 @@ impl Action {
     }
 }
 
-/// The word that selects a work system: `G54` for 1.
+/// The word that selects a work system: `G54` for 1, `G59.3` for 9.
 pub fn work_system(system: u8) -> String {
-    format!("G{}", 53 + u32::from(system))
+    match system {
+        7.. => format!("G59.{}", system - 6),
+        _ => format!("G{}", 53 + u32::from(system)),
+    }
 }
 
 /// ` X10 Z-5`

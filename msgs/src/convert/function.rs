@@ -125,7 +125,7 @@ impl TryFrom<&wire::MachineFunction> for Action {
             })
         };
         let system = || match u8::try_from(function.number) {
-            Ok(system @ 1..=6) => Ok(system),
+            Ok(system @ 1..=9) => Ok(system),
             _ => Err(WireError::Constant { field: "number", value: function.number }),
         };
         let set_work_offset = |by_position| -> Result<Self, WireError> {

@@ -18,10 +18,12 @@ mod offsets;
 mod polar;
 mod refusals;
 mod request;
+mod rotation;
 mod saved_state;
 mod scene;
 mod splines;
 mod system;
+mod tool_lengths;
 
 use crate::block::Block;
 use crate::bounds::Bounds;
@@ -46,12 +48,14 @@ pub(crate) use offsets::OffsetWord;
 use polar::Polar;
 use request::Request;
 pub(crate) use request::code_in_tenths;
+use rotation::Rotations;
 use saved_state::SavedState;
 pub(crate) use saved_state::StateWord;
 use scene::Scene;
 use splines::OpenCurve;
 pub(crate) use splines::Spline;
 use std::cell::Cell;
+use tool_lengths::{Length, ToolEntries};
 
 /// What follows a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,8 +97,8 @@ struct Modal {
     /// M61 has said which tool that is.
     is_tool_named: bool,
     overrides: Overrides,
-    /// G43 H.
-    length: Option<u32>,
+    /// G43.
+    length: Option<Length>,
     work_offset: u8,
     /// The zero of the program in the work system, mm (G52, G92), and what G92.3 restores.
     shift: Position,
@@ -133,6 +137,9 @@ pub(crate) struct Interpreter<'r> {
     bounds: Bounds,
     /// Tools of M61.
     named_tools: Vec<(u32, Source)>,
+    /// What G10 has set for tools.
+    tool_entries: ToolEntries,
+    rotations: Rotations,
     open_curve: Option<OpenCurve>,
     /// P and Q of the last G5, while no other motion has come.
     last_cubic: Option<[f64; 2]>,
@@ -196,6 +203,8 @@ impl<'r> Interpreter<'r> {
             contour,
             bounds: Bounds::default(),
             named_tools: Vec::new(),
+            tool_entries: ToolEntries::new(),
+            rotations: Rotations::default(),
             open_curve: None,
             last_cubic: None,
         }

@@ -7,7 +7,7 @@ mod remarks;
 
 use crate::LoadOptions;
 use crate::block::Block;
-use crate::dialect::Dialect;
+use crate::dialect::{Dialect, GWord, OffsetWord};
 use crate::findings::Findings;
 use crate::flow::{Cursor, Flow, FlowMap, Next, World};
 use crate::interpreter::{After, Interpreter, code_in_tenths};
@@ -183,9 +183,16 @@ impl<'r> Reader<'r> {
     #[cold]
     fn refuse_lasting(&mut self, line: Line<'_>) {
         let Dialect { g, m, .. } = self.rules.dialect;
+        let sets_for_later = self.block.words.iter().any(|word| {
+            word.letter == b'R' || word.letter == b'L' && [1.0, 10.0].contains(&word.value)
+        });
         for word in &self.block.words {
             let lasts = code_in_tenths(word.value).is_some_and(|tenths| match word.letter {
-                b'G' => g(tenths).only_acts_later(),
+                b'G' => match g(tenths) {
+                    // A rotation, or a tool.
+                    GWord::Offset(OffsetWord::Set) => sets_for_later,
+                    word => word.only_acts_later(),
+                },
                 b'M' => m(tenths / 10).only_acts_later(),
                 _ => false,
             });

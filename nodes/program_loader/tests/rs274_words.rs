@@ -76,6 +76,11 @@ fn messages_are_events_in_their_place() {
              (MSG, its sleepy friends); M2",
             &[],
         ),
+        (
+            "(DEBUG, %d#5599)\n#5599=0\n(DEBUG, no)\n(PRINT, yes)\n#5599=1\n(DEBUG, on)\nM2",
+            "(MSG, 1); (MSG, yes); (MSG, on); M2",
+            &[],
+        ),
         ("; MSG, no\n(MSG , no)\nM2", "M2", &[]),
     ]);
 }
@@ -218,4 +223,130 @@ fn wrong_curves_are_errors_at_their_places() {
     }
     // Nothing has ended it at the end of the text.
     assert!(!read("F100 G0 X0 Y0\nG5.2 X1 Y1\n").is_accepted());
+}
+
+#[test]
+fn tool_lengths_and_radii_may_come_from_the_program() {
+    let compensated = "G0 X0 Y20\nG41 {D} G1 Y0\nX9\nG40 Y9\nM2";
+    let radius_of = |text: &str| {
+        let loaded = read(text);
+        assert!(loaded.is_accepted(), "{text}: {:?}", loaded.findings);
+        let events: Vec<String> = loaded.contour.events.iter().map(canonical::event_text).collect();
+        events.into_iter().find(|it| it.starts_with("radius")).expect("a radius")
+    };
+    for (text, word, wanted) in [
+        ("G10 L1 P3 R2.5", "D3", "radius diameter 5"),
+        ("G10 L1 P3 R2.5", "D4", "radius of tool 4"),
+        ("G10 L1 P3 R2.5\nT3 M6", "", "radius diameter 5"),
+        ("T4 M6\nG10 L1 P3 R2.5", "", "radius of the tool in the spindle"),
+        ("M61 Q3\nG10 L1 P3 R2.5 Z1", "D0", "radius diameter 5"),
+    ] {
+        let text = format!("F100\n{text}\n{}", compensated.replace("{D}", word));
+        assert_eq!(radius_of(&text), wanted, "{text}");
+    }
+    check(&[
+        ("G43.1 Z5\nM2", "G43.1 Z5; M2", &[]),
+        ("G20 G43.1 Z1\nM2", "G43.1 Z25.4; M2", &[]),
+        ("G43 H2\nG43.2 Z1.5\nM2", "G43 H2; G43 H2 and 1.5; M2", &[]),
+        ("G43.1 Z5\nG43.2 H2\nG49\nM2", "G43.1 Z5; G43 H2 and 5; G49; M2", &[]),
+        ("G10 L1 P2 Z7\nG43 H2\nG43 H3\nM2", "G43.1 Z7; G43 H3; M2", &[]),
+        // The tool of 7 mm reads Z10; to read Z2 it has to be 8 mm longer.
+        (
+            "G43.1 Z7\nG0 Z10\nG10 L10 P2 Z2\nG43 H2\nM2",
+            "G43.1 Z7; rapid X0 Y0 Z10 named Z; G43.1 Z15; M2",
+            &[],
+        ),
+        (
+            "G43 H1\nG0 Z10\nG10 L10 P2 Z2\nG43 H2\nM2",
+            "G43 H1; rapid X0 Y0 Z10 named Z; G43 H1 and 8; M2",
+            &[],
+        ),
+        ("G59.1\nG0 X1\nG59.3\nM2", "G59.1; rapid X1 Y0 Z0 named X; G59.3; M2", &[]),
+    ]);
+    check_bad(&[
+        ("G43.1\nM2", &[("G43.1", "G43.1 without Z")]),
+        ("G43.1 X1 Z1\nM2", &[("X1", "a tool length along X or Y is not supported")]),
+        ("G43.2\nM2", &[("G43.2", "G43.2 without H and without Z")]),
+        ("G43 H1\nG43.2 H2\nM2", &[("G43.2", "two lengths of the tool table cannot be added")]),
+        ("G10 L1 Z1\nM2", &[("G10", "G10 without P")]),
+        ("G10 L1 P1 R-1\nM2", &[("R-1", "R-1 is negative")]),
+        (
+            "G10 L1 P1 Q3\nM2",
+            &[("Q3", "the angles and the orientation of a turning tool are in the tool table")],
+        ),
+        (
+            "G10 L11 P1 Z3\nM2",
+            &[("L11", "G10 L11 measures in the work system G59.3, which only the machine knows")],
+        ),
+        ("G10 L0\nM2", &[("L0", "G10 L0 reads the tool table anew")]),
+        ("G10 L1 P1 Z[1/0]\nM2", &[("/0", "a division by zero")]),
+        (
+            "G43 H1\nG43 H2\nG91 G0 Z1\nM2",
+            &[(
+                "G91 G0 Z1",
+                "this move starts from where Z is, which is not known since G43 in line 2",
+            )],
+        ),
+        (
+            "F100\nG10 L1 P3 R1\nG0 X0 Y20\nG41 G1 Y0\nX9\nG40 Y9\nM2",
+            &[("G41", "the program has set radii, and which tool is in the spindle is not known")],
+        ),
+    ]);
+}
+
+#[test]
+fn a_rotated_work_system_turns_the_moves_of_the_program() {
+    let ends = "the rotation ends with the program: the controller cannot store it";
+    check(&[
+        (
+            "G10 L2 P1 R90\nG0 X10 Y5\nG91 G0 X1\nG90 G1 Y0 Z-2 F100\nG10 L2 P1 R0\nG0 X1 Y1\nM2",
+            "rapid X-5 Y10 Z0 named XY; rapid X-5 Y11 Z0 named XY; \
+             line X0 Y11 Z-2 F100 named XYZ; rapid X1 Y1 Z-2 named XY; M2",
+            &[ends],
+        ),
+        (
+            "F100 G10 L2 P1 X3 Y0 R-90\nG0 X0 Y0\nG2 X10 Y0 I5 J0\nG0 Z5\nG92 X0\nG0 X1\nM2",
+            "G10 L2 P1 X3 Y0; rapid X0 Y0 Z0 named XY; \
+             arc cw xy X0 Y-10 Z0 center X0 Y-5 F100 named XY; rapid X0 Y-10 Z5 named Z; \
+             rapid X0 Y-11 Z5 named XY; M2",
+            &[ends],
+        ),
+        // Of another system: nothing turns before it is selected.
+        (
+            "G10 L2 P2 R180\nG0 X1 Y0\nG55 G0 X1 Y2\nM2",
+            "rapid X1 Y0 Z0 named XY; G55; rapid X-1 Y-2 Z0 named XY; M2",
+            &[ends],
+        ),
+    ]);
+    let lost = "this move starts from where Y is, which is not known since G10 in line 1";
+    check_bad(&[
+        ("G10 L2 P1 R30\nG0 X10\nM2", &[("G0 X10", lost)]),
+        (
+            "F100 G10 L2 P1 R30\nG0 X0 Y0\nG18 G2 X9 I5 K0\nM2",
+            &[("G18 G2 X9 I5 K0", "an arc outside the plane XY in a rotated work system")],
+        ),
+        ("G10 L20 P1 X1 R5\nM2", &[("R5", "G10 L20 does not take R")]),
+        (
+            "G10 L2 P1 R5\nG0 X0 Y0\nG10 L20 P1 X1\nM2",
+            &[("L20", "G10 L20 in a rotated work system")],
+        ),
+        ("G10 L2 P1 R999999\nM2", &[("R999999", "R999999 is beyond 36000 degrees")]),
+    ]);
+}
+
+#[test]
+fn a_block_by_hand_sets_nothing_for_the_next_one() {
+    let options = LoadOptions { is_single_block: true, ..LoadOptions::default() };
+    for (text, is_accepted) in [
+        ("G10 L2 P1 R5", false),
+        ("G10 L1 P1 Z5", false),
+        ("G10 L2 P1 X5", true),
+        ("M61 Q1", false),
+        ("G5.2 X1 Y1 P1", false),
+        ("G43.1 Z5", true),
+        ("G0 X1 (MSG, hello)", true),
+    ] {
+        let loaded = load(text.as_bytes(), &profile("rs274"), &options);
+        assert_eq!(loaded.is_accepted(), is_accepted, "{text}: {:?}", loaded.findings);
+    }
 }

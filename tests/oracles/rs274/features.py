@@ -815,8 +815,8 @@ def splines(program, rng):
     program.add("G0 X0 Y0", rng.choice([
         "G5 I0 J3 P0 Q-3 X1 Y1", "G5.1 X4 Y4 I2 J1", "G5.2 P1 L3 X0 Y1\nX2 Y2 P1\nX4 Y0 P1\nG5.3",
         "G5 I1 J3 P0 Q-3 X1 Y1\nG5 P2 Q2 X9 Y[2 * 3]", "G91 G5.1 X4 Y4 I2 J0\nG90",
-        "G20 G5.1 X1 Y1 I0.5 J0.1 F20\nG21 F500", "G5.2 P0.5\nX1 Y1\nX2 Y0\nG5.3",
-        "G92 X1 Y1\nG5.1 X4 Y4 I2 J1", "G91 G5.2 X1 Y1\nX3 Y3\nX5 Y0\nX1 Y9 P2\nG5.3\nG90",
+        "G20\nF20\nG5.1 X1 Y1 I0.5 J0.1\nG21\nF500", "G5.2 P0.5\nX1 Y1 P1\nX2 Y0 P3\nG5.3",
+        "G92 X1 Y1\nG5.1 X4 Y4 I2 J1", "G91 G5.2 X1 Y1 P1\nX3 Y3 P1\nX5 Y0 P1\nX1 Y9 P2\nG5.3\nG90",
         "G93 G5.1 X4 Y4 I2 J1 F2\nG94 F300"]),
         "G1 X10 Y10")
 

@@ -142,5 +142,5 @@ class Reader:
                 # LinuxCNC prints no M66.
                 self.add("output", event, (match[1], *words.values()))
         # LinuxCNC says what M48 to M53 have switched, not which word has done so.
-        elif not re.fullmatch(r"M(48|49|5[0-3])(?: P[01])?", text) and not re.fullmatch(r"G43 H\d+|G49", text):
+        elif not re.fullmatch(r"M(48|49|5[0-3])(?: P[01])?", text) and not re.fullmatch(r"G43 H\d+|G43\.1 Z[-\d.e]+|G49", text):
             self.unknown.add(re.sub(r"[-\d.]{3,}", "N", text))

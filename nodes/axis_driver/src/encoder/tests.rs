@@ -252,7 +252,7 @@ fn what_grbl_cannot_do_is_refused_with_its_line() {
         ),
         (
             Action::WorkOffset { system: 7 },
-            "line 7: work system 7 does not exist: 1 to 6 are G54 to G59",
+            "line 7: G59.1 is not supported: the driver knows the offsets of G54 to G59",
         ),
         (
             Action::SetWorkOffset {

@@ -1,8 +1,8 @@
 //! RS-274/NGC as in LinuxCNC, or as in grbl where LinuxCNC leaves a choice.
 
 use super::{
-    ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, Letters, MWord, Mode,
-    OffsetWord, Spline, StateWord, Units,
+    ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, LengthWord, Letters, MWord,
+    Mode, OffsetWord, Spline, StateWord, Units,
 };
 use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
@@ -39,11 +39,10 @@ pub(super) const THREAD: &str =
 pub(super) const OFFSETS: &str = "set offsets on the machine and select them with G54 to G59";
 pub(super) const FEED_MODE: &str = "post feeds in mm/min or inch/min (G94)";
 pub(super) const CONSTANT_SPEED: &str = "post spindle speeds in 1/min (G97)";
-pub(super) const LENGTH: &str = "put lengths into the tool table and use G43 H";
 
 fn g(tenths: u16) -> GWord {
     match tenths {
-        430 => GWord::LengthOn,
+        430 => GWord::Length(LengthWord::Tool),
         411 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: true },
         421 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: true },
         50 => GWord::Motion(Mode::Spline(Spline::Cubic)),
@@ -56,7 +55,7 @@ fn g(tenths: u16) -> GWord {
         281 => GWord::Offset(OffsetWord::StoreReference { second: false }),
         301 => GWord::Offset(OffsetWord::StoreReference { second: true }),
         520 => GWord::Offset(OffsetWord::Local),
-        591..=593 => GWord::Refused("use G54 to G59"),
+        591..=593 => GWord::WorkOffset((tenths - 584) as u8),
         920 => GWord::Offset(OffsetWord::Axis),
         921 => GWord::Offset(OffsetWord::AxisOff { keeps: false }),
         922 => GWord::Offset(OffsetWord::AxisOff { keeps: true }),
@@ -80,7 +79,8 @@ fn g(tenths: u16) -> GWord {
         980 => GWord::Retract { to_r: false },
         990 => GWord::Retract { to_r: true },
         330 | 331 => GWord::RefusedMotion(THREAD),
-        431 | 432 => GWord::Refused(LENGTH),
+        431 => GWord::Length(LengthWord::Given),
+        432 => GWord::Length(LengthWord::Added),
         _ => common(tenths),
     }
 }
@@ -108,7 +108,7 @@ pub(super) fn common(tenths: u16) -> GWord {
         400 => GWord::CompensationOff,
         410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
         420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
-        430 => GWord::LengthOn,
+        430 => GWord::Length(LengthWord::Tool),
         490 => GWord::LengthOff,
         530 => GWord::MachineCoordinates,
         540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),
@@ -203,6 +203,7 @@ mod tests {
                 GWord::Unknown => None,
                 GWord::Accepted(..) => Some("no effect"),
                 GWord::Refused(_) | GWord::RefusedMotion(_) => Some("refused"),
+                GWord::WorkOffset(7..) => Some("passed on"),
                 _ => Some("done"),
             };
             assert_eq!(row(&page, tenths), becomes, "G{}", f64::from(tenths) / 10.0);

@@ -12,8 +12,9 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::text::Words;
 
-/// The words of the work systems 1 to 6.
-const WORK_SYSTEMS: [&str; 6] = ["G54", "G55", "G56", "G57", "G58", "G59"];
+/// The words of the work systems.
+const WORK_SYSTEMS: [&str; 9] =
+    ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
 
 impl Interpreter<'_> {
     /// F.
@@ -237,49 +238,7 @@ impl Interpreter<'_> {
         scene.findings.push(Finding::warning(Code::SuspiciousValue, source, message).help(help));
     }
 
-    /// G43 and G49. The planner fills in the length itself.
-    #[inline]
-    pub(super) fn tool_length(&mut self, scene: &mut Scene<'_>) {
-        match self.request.g(Group::Length) {
-            None => {}
-            Some((GWord::LengthOn, at)) => self.length_on(scene, at),
-            Some(_) => {
-                self.act(Action::ToolLength { offset: None, length_mm: 0.0 });
-                self.change_length(None, "G49");
-            }
-        }
-    }
-
-    fn length_on(&mut self, scene: &mut Scene<'_>, at: usize) {
-        let offset = if self.request.present.contains(b'H') {
-            let Some(offset) = self.take_number(scene, b'H') else { return };
-            if offset == 0 {
-                let message = "G43 H0 has a different meaning on each control".to_owned();
-                let help = "write G49 to cancel the length offset, or H with the number of a tool";
-                return self.report(scene, b'H', Code::BadNumber, message, help);
-            }
-            offset
-        } else if let Some(tool) = self.modal.spindle_tool {
-            // LinuxCNC: without H, the tool in the spindle.
-            tool
-        } else {
-            let message = "G43 without H, and no M6 has put in a tool".to_owned();
-            let help = "write H with the number of the tool";
-            return self.report_at(scene, at, Code::MissingWord, message, help);
-        };
-        self.act(Action::ToolLength { offset: Some(offset), length_mm: 0.0 });
-        self.change_length(Some(offset), "G43");
-    }
-
-    /// Changes the length offset; it moves the work frame along Z by a length of the tool table.
-    pub(super) fn change_length(&mut self, offset: Option<u32>, word: &'static str) {
-        if self.modal.length != offset {
-            self.modal.length = offset;
-            self.axes.lose(AxisSet::NONE.with(2), Cause { source: self.source, word });
-        }
-    }
-
-    /// G54 to G59.
+    /// G54 to G59.3.
     #[inline]
     pub(super) fn work_offset(&mut self) {
         if let Some((GWord::WorkOffset(system), _)) = self.request.g(Group::WorkOffset) {
@@ -291,7 +250,7 @@ impl Interpreter<'_> {
         self.act(Action::WorkOffset { system });
         if self.modal.work_offset != system {
             self.modal.work_offset = system;
-            let word = WORK_SYSTEMS[usize::from(system.clamp(1, 6) - 1)];
+            let word = WORK_SYSTEMS[usize::from(system.clamp(1, 9) - 1)];
             self.axes.lose(AxisSet::ALL, Cause { source: self.source, word });
         }
     }

@@ -70,6 +70,7 @@ impl Interpreter<'_> {
         if self.only_sets_offsets() {
             return;
         }
+        self.check_rotation(scene);
         if let Some((GWord::Reference { second }, at)) = self.request.g(Group::NonModal) {
             return self.reference(scene, second, at);
         }
@@ -189,7 +190,7 @@ impl Interpreter<'_> {
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {
             self.feed_of_length(class, || distance(from, end.position));
-            self.bounds.add_end(end.position, end.named);
+            self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, class, end.named);
         }
     }
@@ -213,6 +214,7 @@ impl Interpreter<'_> {
             }
             _ => 0.0,
         };
+        let (shape, end, axes) = self.rotated(shape, end, axes);
         self.emit(ContourEventKind::Motion(Motion { shape, end, class, feed_mm_per_min, axes }));
     }
 

@@ -6,6 +6,7 @@
 //! itself at its end.
 
 use super::machine_words::Overrides;
+use super::tool_lengths::Length;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, FeedMode, Units};
 use crate::findings::Findings;
@@ -48,7 +49,7 @@ pub(super) struct SavedState {
     flood: bool,
     returns_to_r: bool,
     is_shifted: bool,
-    length: Option<u32>,
+    length: Option<Length>,
     side: Option<CutterSide>,
     overrides: Overrides,
 }
@@ -167,8 +168,7 @@ impl Interpreter<'_> {
         }
         if self.modal.length != saved.length {
             let word = if saved.length.is_some() { "G43" } else { "G49" };
-            self.act(Action::ToolLength { offset: saved.length, length_mm: 0.0 });
-            self.change_length(saved.length, word);
+            self.set_length(saved.length, word);
         }
         true
     }

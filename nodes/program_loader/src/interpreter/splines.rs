@@ -272,10 +272,7 @@ impl Interpreter<'_> {
         self.feed_of_length(MotionClass::Feed, || length_mm);
         let mut from = self.axes.position;
         for (shape, to) in moves {
-            if let Shape::Arc(arc) = &shape {
-                self.bounds.add_arc(from, to, arc);
-            }
-            self.bounds.add_end(to, in_plane);
+            self.add_to_bounds(from, shape, to, in_plane);
             self.emit_motion(shape, to, MotionClass::Feed, in_plane);
             from = to;
         }

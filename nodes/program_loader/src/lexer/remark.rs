@@ -9,8 +9,10 @@ use crate::expression::{self, Lookup, Trouble};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RemarkWord {
     Message,
-    /// DEBUG and PRINT: a message with values.
+    /// PRINT: a message with values.
     Values,
+    /// DEBUG: the same, where `#5599` is not 0.
+    Debug,
     /// LOG: a line for a file.
     Log,
     /// LOGOPEN, LOGAPPEND and LOGCLOSE.
@@ -31,7 +33,7 @@ pub(crate) struct Remark {
 impl Remark {
     const WORDS: [(&'static str, RemarkWord); 8] = [
         ("MSG,", RemarkWord::Message),
-        ("DEBUG,", RemarkWord::Values),
+        ("DEBUG,", RemarkWord::Debug),
         ("PRINT,", RemarkWord::Values),
         ("LOG,", RemarkWord::Log),
         ("LOGOPEN,", RemarkWord::LogFile),
@@ -164,7 +166,7 @@ mod tests {
         for (line, wanted) in [
             ("(MSG, hi)", Some((RemarkWord::Message, " hi"))),
             ("( \tmsg,hi)", Some((RemarkWord::Message, "hi"))),
-            ("(debug,)", Some((RemarkWord::Values, ""))),
+            ("(debug,)", Some((RemarkWord::Debug, ""))),
             ("(LogClose)", Some((RemarkWord::LogFile, ""))),
             ("(M SG,hi)", None),
             ("(msg , hi)", None),

@@ -5,6 +5,7 @@
 use super::Reader;
 use crate::lexer::remark::{self, Remark, RemarkWord};
 use crate::line::Line;
+use crate::parameters::SHOWS_DEBUG;
 use crate::values::Values;
 use cnc_msgs::finding::{Code, Finding};
 
@@ -19,7 +20,8 @@ impl Reader<'_> {
                     let text = String::from_utf8_lossy(text).into_owned();
                     self.show(line, remark, &text);
                 }
-                RemarkWord::Values | RemarkWord::Log => {
+                RemarkWord::Debug if self.parameters.numbered(SHOWS_DEBUG) == Some(0.0) => {}
+                RemarkWord::Values | RemarkWord::Debug | RemarkWord::Log => {
                     let text = self.text_with_values(line, remark);
                     if remark.word == RemarkWord::Log {
                         self.no_log(line, remark);
