@@ -22,6 +22,7 @@ mod rotation;
 mod saved_state;
 mod scene;
 mod splines;
+mod stored;
 mod system;
 mod tool_lengths;
 
@@ -55,6 +56,7 @@ use scene::Scene;
 use splines::OpenCurve;
 pub(crate) use splines::Spline;
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use tool_lengths::{Length, ToolEntries};
 
 /// What follows a block.
@@ -140,6 +142,8 @@ pub(crate) struct Interpreter<'r> {
     /// What G10 has set for tools.
     tool_entries: ToolEntries,
     rotations: Rotations,
+    /// Stored positions and work offsets that are known, by their numbers.
+    stored: BTreeMap<u32, f64>,
     open_curve: Option<OpenCurve>,
     /// P and Q of the last G5, while no other motion has come.
     last_cubic: Option<[f64; 2]>,
@@ -205,6 +209,7 @@ impl<'r> Interpreter<'r> {
             named_tools: Vec::new(),
             tool_entries: ToolEntries::new(),
             rotations: Rotations::default(),
+            stored: BTreeMap::new(),
             open_curve: None,
             last_cubic: None,
         }

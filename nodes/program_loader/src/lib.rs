@@ -36,6 +36,7 @@ pub mod canonical;
 pub mod limits;
 #[cfg(feature = "node")]
 pub mod node;
+pub mod parameter_file;
 pub mod render;
 pub mod subroutines;
 pub mod upload;
@@ -178,8 +179,14 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     if findings.has_error() {
         return refused(findings);
     }
-    let interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
-    let reader = Reader::new(text, &rules, options, interpreter, flow, findings);
+    let stored = match rules.dialect.lexer.parameters && !options.is_single_block {
+        true => parameter_file::values_of(text),
+        false => Vec::new(),
+    };
+    let mut interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
+    interpreter.store(&stored, &mut findings);
+    let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
+    reader.store(&stored);
     let (interpreter, findings) = reader.read();
     if findings.has_error() {
         return refused(findings);

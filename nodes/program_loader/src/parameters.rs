@@ -98,6 +98,14 @@ impl Parameters {
         Ok(())
     }
 
+    /// Takes the user's values of a parameter file.
+    pub(crate) fn store(&mut self, values: &[(u32, f64)]) {
+        for &(number, value) in values.iter().filter(|(number, _)| (31..=5000).contains(number)) {
+            self.fill();
+            self.numbered[number as usize] = value;
+        }
+    }
+
     /// Gives each number a value, before the first is set.
     fn fill(&mut self) {
         if self.numbered.is_empty() {

@@ -80,6 +80,11 @@ impl<'r> Reader<'r> {
         }
     }
 
+    /// Gives parameters the values of a parameter file.
+    pub(crate) fn store(&mut self, values: &[(u32, f64)]) {
+        self.parameters.store(values);
+    }
+
     /// Reads and executes the program; returns what it has come to, and all findings.
     pub(crate) fn read(mut self) -> (Interpreter<'r>, Findings) {
         let text = self.text;

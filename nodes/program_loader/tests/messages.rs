@@ -75,7 +75,9 @@ fn parameters_have_the_state_of_the_machine_or_say_that_it_is_not_known() {
     check(
         "rs274",
         "G0 X#5221",
-        &["1: #5221 is a work offset of the machine, which is known only there"],
+        &[
+            "1: #5221 is a work offset of the machine, which is known only there or from a parameter file",
+        ],
     );
     check(
         "rs274",

@@ -350,3 +350,48 @@ fn a_block_by_hand_sets_nothing_for_the_next_one() {
         assert_eq!(loaded.is_accepted(), is_accepted, "{text}: {:?}", loaded.findings);
     }
 }
+
+#[test]
+fn parameters_begin_with_the_values_of_a_parameter_file() {
+    let with = |text: &str, file: &str| {
+        let profile = profile("rs274");
+        let text = program_loader::parameter_file::with_parameters(
+            text.as_bytes().to_vec(),
+            &profile,
+            "linuxcnc.var",
+            file.as_bytes(),
+        );
+        String::from_utf8(text.expect("a good file")).expect("text")
+    };
+    let program =
+        "(DEBUG, %d#31 #32 #5222 #5161)\n#31=[#31+1]\nG10 L2 P1 Y4\n(PRINT, %d#31 #5222)\nM2";
+    let file = "31 7\n5161 3\n5210 0\n5220 1\n5222 2.0\n";
+    check(&[
+        (&with(program, file), "(MSG, 7 0 2 3); G10 L2 P1 Y4; (MSG, 8 4); M2", &[]),
+        (
+            &with("M2", "5210 1\n5220 2"),
+            "M2",
+            &[
+                "the parameter file has G92 in force, and programs begin without",
+                "the parameter file selects work system 2; programs begin in G54",
+            ],
+        ),
+        // What the machine has stored since is not known any more.
+        (
+            &with(
+                "G0 X1\nG28.1\n(DEBUG, #5161)\nG10 L20 P1 X0\n(DEBUG, #5221)\nM2",
+                "5161 3\n5221 4",
+            ),
+            "rapid X1 Y0 Z0 named X; G28.1; (MSG, ######); G10 L20 P1 X0; (MSG, ######); M2",
+            &[
+                "#5161 is a stored position of the machine, which is known only there or from a \
+                 parameter file: the message shows ######",
+                "#5221 is a work offset of the machine, which is known only there or from a \
+                 parameter file: the message shows ######",
+            ],
+        ),
+    ]);
+    let loaded = read(&with("M2", "5250 30"));
+    assert!(!loaded.is_accepted());
+    assert_eq!(loaded.findings[0].message, "the parameter file rotates work system 2: #5250=30");
+}

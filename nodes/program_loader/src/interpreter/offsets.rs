@@ -64,6 +64,7 @@ impl Interpreter<'_> {
                 return;
             }
             OffsetWord::StoreReference { second } => {
+                self.store_reference(second);
                 return self.act(Action::StoreReference { second });
             }
         }
@@ -171,6 +172,7 @@ impl Interpreter<'_> {
             origin[axis] = values[axis] + shift;
         }
         self.act(Action::SetWorkOffset { system: system as u8, axes: named, origin, by_position });
+        self.store_offset(system, named, (!by_position).then_some(origin));
         if system == active {
             self.axes.lose(named, Cause { source: self.source, word: "G10" });
         }

@@ -17,8 +17,14 @@ const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 7] = [
     (5021..=5029, "a position in machine coordinates, which is known only while the machine runs"),
     (5061..=5070, "the result of a probe, and no probe has been run"),
     (5081..=5089, "a tool length, which the loader does not know"),
-    (5161..=5199, "a stored position of the machine, which is known only there"),
-    (5221..=5390, "a work offset of the machine, which is known only there"),
+    (
+        5161..=5199,
+        "a stored position of the machine, which is known only there or from a parameter file",
+    ),
+    (
+        5221..=5390,
+        "a work offset of the machine, which is known only there or from a parameter file",
+    ),
     (5399..=5399, "the result of M66, which is known only while the machine runs"),
     (5401..=5413, "an entry of the tool table, which the loader does not know"),
 ];
@@ -28,6 +34,9 @@ impl Interpreter<'_> {
     pub(crate) fn system_number(&self, number: u32) -> Value {
         if number < 5000 {
             return None;
+        }
+        if let Some(&value) = self.stored.get(&number) {
+            return Some(Ok(value));
         }
         if let Some((_, what)) = ON_THE_MACHINE.iter().find(|(range, _)| range.contains(&number)) {
             return Some(Err(Trouble::NotHere { what: (*what).to_owned() }));
