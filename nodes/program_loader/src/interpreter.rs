@@ -16,6 +16,7 @@ mod machine_words;
 mod moves;
 mod offsets;
 mod polar;
+mod polar_words;
 mod refusals;
 mod request;
 mod rotation;
@@ -249,6 +250,9 @@ impl<'r> Interpreter<'r> {
         self.used = Letters::NONE;
         self.shared = Letters::NONE;
         self.request.read(&mut scene);
+        if self.request.polar != [None; 2] {
+            self.check_polar_words(&mut scene);
+        }
 
         if self.request.is_plain() {
             self.feed(&mut scene);

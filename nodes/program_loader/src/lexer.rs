@@ -60,6 +60,7 @@ impl Lexer<'_> {
                 b';' => return,
                 b'/' => self.slash(),
                 b'@' if self.rules.at_words => self.word(b'@'),
+                b'@' | b'^' if self.rules.parameters => self.word(byte),
                 _ => self.stray(byte),
             }
         }
@@ -450,7 +451,8 @@ fn end_of_name(text: &[u8], start: usize) -> usize {
     let letters = text[start..].iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
     let after = start + letters;
     let has_number = matches!(text.get(after), Some(b'0'..=b'9' | b'.' | b'+' | b'-'));
-    if has_number { (after - 1).max(start + 1) } else { after }
+    // `@` and `^` are no letters.
+    (if has_number { after - 1 } else { after }).max(start + 1)
 }
 
 #[cfg(test)]

@@ -395,3 +395,46 @@ fn parameters_begin_with_the_values_of_a_parameter_file() {
     assert!(!loaded.is_accepted());
     assert_eq!(loaded.findings[0].message, "the parameter file rotates work system 2: #5250=30");
 }
+
+#[test]
+fn polar_words_stand_for_x_and_y() {
+    check(&[
+        (
+            "G0 X0 Y5\nG0 @10 ^90\nG0 ^0\nG0 @4\nG91 G0 @1 ^90\nG90 G0 @-5 ^180 Z1\nM2",
+            "rapid X0 Y5 Z0 named XY; rapid X0 Y10 Z0 named XY; rapid X10 Y0 Z0 named XY; \
+             rapid X4 Y0 Z0 named XY; rapid X0 Y5 Z0 named XY; rapid X5 Y0 Z1 named XYZ; M2",
+            &[],
+        ),
+        (
+            "G52 X1 Y2\n#1=5\nG20 G0 @#1 ^[45*2]\nG7 G18 G0 @1 ^0\nM2",
+            "rapid X1 Y129 Z0 named XY; plane zx; rapid X26.4 Y2 Z0 named XY; M2",
+            &[],
+        ),
+    ]);
+    check_bad(&[
+        ("G0 @5 X1\nM2", &[("@5", "@5 and X in one block")]),
+        ("G0 @\nM2", &[("@", "`@` has no number")]),
+        ("G0 @1 ^3 @2\nM2", &[("@2", "@ twice in one block")]),
+        ("G53 G0 @5 ^10\nM2", &[("@5", "@5 in a block that is no move")]),
+        ("G92 ^10\nM2", &[("^10", "^10 in a block that is no move")]),
+        ("G0 X0 Y0\nG91 G0 @5\nM2", &[("@5", "@5 at the zero, where there is no angle")]),
+        (
+            "G28\nG0 ^5\nM2",
+            &[(
+                "G0 ^5",
+                "this move starts from where XY are, which is not known since G28 in line 1",
+            )],
+        ),
+        ("G0 X0 Y0\nG0 @5\nM2", &[("@5", "@5 at the zero, where there is no angle")]),
+        (
+            "F100 G0 X5 Y0 Z5\nG91 G81 ^10 R-1 Z-3 L5\nM2",
+            &[("^10", "^10 in a cycle that is repeated with L")],
+        ),
+        ("G0 @[1/0] ^5\nM2", &[("/0", "a division by zero")]),
+        ("G0 @9999999 ^5\nM2", &[("@9999999", "@9999999 is beyond 1000000 mm")]),
+        (
+            "F100 T1 M6\nG0 X0 Y20\nG41 G1 Y0\nG1 ^5\nG40 Y9\nM2",
+            &[("^5", "^5 counts from where the tool is, under cutter radius compensation")],
+        ),
+    ]);
+}

@@ -798,7 +798,10 @@ def polar(program, rng):
         program.add(rng.choice([
             f"G1 @{length(rng.randint(1, 30))} ^{rng.randint(-180, 180)}",
             f"G0 ^{rng.randint(0, 360)}", f"G1 @{length(rng.randint(1, 30))}",
-            f"G91 G1 @{length(rng.randint(1, 9))} ^{rng.randint(0, 90)}", "G90"]))
+            f"G91 G1 @{length(rng.randint(1, 9))} ^{rng.randint(0, 90)}", "G90",
+            f"G1 @{length(rng.randint(1, 9))} ^{rng.randint(0, 360)} Z{length(1)}", "G52 X{L1} Y{L2}",
+            f"G81 @{length(rng.randint(1, 9))} ^{rng.randint(0, 360)} Z{length(-1)} R{length(1)}\nG80",
+            f"G1 @{length(rng.randint(1, 9))} ^[10 * 3]"]))
 
 
 @feature("lathe diameters", 60)

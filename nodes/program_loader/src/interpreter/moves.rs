@@ -29,6 +29,9 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn motion(&mut self, scene: &mut Scene<'_>) {
         let word = self.request.g(Group::Motion);
+        if self.request.polar != [None; 2] {
+            self.polar_words(scene, self.request.polar);
+        }
         if self.open_curve.is_some() {
             self.check_open_curve(scene);
         }

@@ -110,7 +110,7 @@ fn turned([x, y, z]: Position, [sine, cosine]: [f64; 2]) -> Position {
 }
 
 /// Exact where the axes only change places.
-fn sine_and_cosine(degrees: f64) -> [f64; 2] {
+pub(super) fn sine_and_cosine(degrees: f64) -> [f64; 2] {
     match degrees.rem_euclid(360.0) {
         0.0 => [0.0, 1.0],
         90.0 => [1.0, 0.0],
