@@ -204,6 +204,8 @@ fn wrong_curves_are_errors_at_their_places() {
         ("G5.2 X1 Y1 L99\nG5.3", "the order of a curve is from 3 to 10"),
         ("G5.2 X1\nX1 Y1\nX2 Y2\nG5.3", "a control point has X and Y"),
         ("G5.2 X1 Y1\nG5.2 P2\nX2 Y2\nG5.3", "a control point without X and Y"),
+        ("G5.2 X1 Y1 P-1\nX1 Y1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
+        ("G5.2 X1 Y1\nX1 Y1 P-1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
         ("G5.2 X1 Y1\nG1 X5", "the curve that G5.2 begins in line 2 has no G5.3"),
         ("G5.2 X1 Y1\nM30", "the curve that G5.2 begins in line 2 has no G5.3"),
         ("G5.2 X1 Y1\nG92 X0", "the curve that G5.2 begins in line 2 has no G5.3"),

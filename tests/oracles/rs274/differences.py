@@ -12,6 +12,8 @@ DIFFERENCES = [
      "M100 to M199 are passed on; LinuxCNC looks for a file of that name"),
     (r"^tool lengths", "Kerf refuses", r"length along X or Y|two lengths of the tool table",
      "boards take one length along Z, and the loader has no tool table to add two of its lengths"),
+    (r"ncfiles/offsets", "differ", r"######",
+     "a message shows ###### for a value that only the machine knows"),
     (r"^tool table", "Kerf refuses", r"G59.3, which only the machine knows",
      "G10 L11 needs an offset of the controller"),
     (r"^(parameters predefined|tool)", "Kerf refuses", r"known only after M6|no M6 has put in",

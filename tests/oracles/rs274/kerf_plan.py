@@ -83,11 +83,20 @@ class Reader:
     def add(self, kind, event, value=None):
         self.items.append(Event(kind, replace(self.state), f"line {event['line']}", value))
 
+    def message(self, event, text):
+        last = self.items[-1] if self.items else None
+        # A long one is in parts, divided at a blank.
+        if isinstance(last, Event) and last.kind == "message" and last.where == \
+                f"line {event['line']}" and len((last.value + " " + text).encode()) > 62:
+            last.value += " " + text
+        else:
+            self.add("message", event, text)
+
     def event(self, event):
         text, state, kind = event["text"], self.state, event["kind"]
         where = f"line {event['line']}"
         if kind == "message":
-            self.add("message", event, text.removeprefix("(MSG, ").removesuffix(")"))
+            self.message(event, text.removeprefix("(MSG, ").removesuffix(")"))
         elif match := re.fullmatch(r"S([-\d.e]+)", text):
             state.speed = float(match[1])
         elif text in ("M3", "M4", "M5"):

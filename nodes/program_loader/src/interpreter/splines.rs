@@ -48,6 +48,8 @@ const WEIGHT_MIN: f64 = 1e-6;
 pub(super) struct OpenCurve {
     points: Vec<Control>,
     order: u32,
+    /// A control point was rejected.
+    is_broken: bool,
     /// The block of G5.2.
     source: Source,
 }
@@ -176,18 +178,16 @@ impl Interpreter<'_> {
         let is_known = self.relies(scene, AxisSet::NONE.with(0).with(1));
         if self.request.is_damaged || !is_known {
             self.axes.poison(end.named);
-            self.open_curve.get_or_insert(OpenCurve {
-                points: Vec::new(),
-                order: 0,
-                source: self.source,
-            });
+            let source = self.source;
+            let broken = || OpenCurve { points: Vec::new(), order: ORDER, is_broken: true, source };
+            self.open_curve.get_or_insert_with(broken).is_broken = true;
             return;
         }
         let start = [self.axes.position[0], self.axes.position[1]];
         let source = self.source;
         let curve = self.open_curve.get_or_insert_with(|| {
             let weight = if has_both { 1.0 } else { weight };
-            OpenCurve { points: vec![(start, weight)], order: ORDER, source }
+            OpenCurve { points: vec![(start, weight)], order: ORDER, is_broken: false, source }
         });
         if let Some(order) = order {
             curve.order = order;
@@ -204,6 +204,10 @@ impl Interpreter<'_> {
             let help = "begin the curve with G5.2 and its control points";
             return self.report_block(scene, Code::MissingWord, message, help);
         };
+        if curve.is_broken {
+            self.request.is_damaged = true;
+            return self.axes.poison(AxisSet::NONE.with(0).with(1));
+        }
         let Some(&([x, y], _)) = curve.points.last() else { return };
         let in_plane = AxisSet::NONE.with(0).with(1);
         let position = [x, y, self.axes.position[2]];
