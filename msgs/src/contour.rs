@@ -4,6 +4,7 @@
 //! never sees a G number. Order is order of execution.
 
 use crate::geometry::{AxisSet, Direction, Plane, Position, Shape};
+use crate::text::{Text, Words};
 use serde::{Deserialize, Serialize};
 
 /// What a part program means, before any compensation.
@@ -157,21 +158,22 @@ pub enum Action {
     SelectTool { tool: u32 },
     /// `M6`: the tool that is in the spindle afterwards.
     ChangeTool { tool: u32 },
-    /// `G43 H` and `G49`: the tool length offset; the loader gives the number
-    /// (`None`: cancel), the planner fills in the length from the tool table.
+    /// `G43 H` and `G49`: the tool length offset; the loader gives the number (`None`: cancel), and
+    /// what is added to the length in the tool table; the planner adds them. Number 0 is no tool:
+    /// the program gives the whole length (`G43.1`).
     ToolLength { offset: Option<u32>, length_mm: f64 },
-    /// `G54` to `G59`: 1 to 6. Positions after it are in that system.
+    /// `G54` to `G59.3`: 1 to 9. Positions after it are in that system.
     WorkOffset { system: u8 },
     /// `G4`, seconds.
     Dwell { seconds: f64 },
-    /// A word that only the machine understands: `M62`, `H3`.
-    Auxiliary { letter: char, number: f64 },
+    /// A word that only the machine understands: `H3`, or `M62` with the words `P1`.
+    Auxiliary { letter: char, number: f64, words: Words },
     /// `M0`, or `M1` when optional: motion stops until the operator resumes it.
     Stop { optional: bool },
     /// `G28`, or `G30` when second: these axes go to the stored position.
     Reference { axes: AxisSet, second: bool },
     /// `G10 L2`, or `G10 L20` when `by_position`: the controller stores the origin of a work
-    /// system, 1 to 6, in machine coordinates, or so that the position now reads this, mm; only the
+    /// system, 1 to 9, in machine coordinates, or so that the position now reads this, mm; only the
     /// axes that are named.
     SetWorkOffset { system: u8, axes: AxisSet, origin: Position, by_position: bool },
     /// `G28.1`, or `G30.1` when second: the controller stores where it is.
@@ -182,6 +184,8 @@ pub enum Action {
     Home { axes: AxisSet },
     /// The axes stop here before the next motion (`G9`).
     ExactStop,
+    /// `(MSG, put in the 6 mm cutter)`: the operator sees this when the tool is here.
+    Message { text: Text },
     /// `M2`, or `M30` when it rewinds.
     ProgramEnd { rewind: bool },
 }
@@ -211,6 +215,7 @@ impl Action {
             Self::Dwell { .. } => "dwell",
             Self::Stop { .. } => "stop_point",
             Self::ProgramEnd { .. } => "program_end",
+            Self::Message { .. } => "message",
             Self::ToolLength { .. }
             | Self::WorkOffset { .. }
             | Self::Auxiliary { .. }
@@ -235,11 +240,15 @@ impl Action {
             Self::Coolant(CoolantMode::Off) => "M9".into(),
             Self::SelectTool { tool } => format!("T{tool}"),
             Self::ChangeTool { .. } => "M6".into(),
+            Self::ToolLength { offset: Some(0), length_mm } => format!("G43.1 Z{length_mm}"),
             Self::ToolLength { offset: Some(offset), .. } => format!("G43 H{offset}"),
             Self::ToolLength { offset: None, .. } => "G49".into(),
             Self::WorkOffset { system } => work_system(system),
             Self::Dwell { seconds } => format!("G4 P{seconds}"),
-            Self::Auxiliary { letter, number } => format!("{letter}{number}"),
+            Self::Auxiliary { letter, number, words } => {
+                let blank = if words == Words::EMPTY { "" } else { " " };
+                format!("{letter}{number}{blank}{words}")
+            }
             Self::Stop { optional: false } => "M0".into(),
             Self::Stop { optional: true } => "M1".into(),
             Self::Reference { axes, second } => {
@@ -255,15 +264,19 @@ impl Action {
             Self::StoreReference { second } => if second { "G30.1" } else { "G28.1" }.into(),
             Self::Home { axes } => format!("Home {}", axes.letters()),
             Self::ExactStop => "G9".into(),
+            Self::Message { text } => format!("(MSG, {text})"),
             Self::ProgramEnd { rewind: false } => "M2".into(),
             Self::ProgramEnd { rewind: true } => "M30".into(),
         }
     }
 }
 
-/// The word that selects a work system: `G54` for 1.
+/// The word that selects a work system: `G54` for 1, `G59.3` for 9.
 pub fn work_system(system: u8) -> String {
-    format!("G{}", 53 + u32::from(system))
+    match system {
+        7.. => format!("G59.{}", system - 6),
+        _ => format!("G{}", 53 + u32::from(system)),
+    }
 }
 
 /// ` X10 Z-5`

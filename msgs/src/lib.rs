@@ -23,6 +23,7 @@ pub mod path;
 pub mod profile;
 pub mod radius;
 pub mod schema;
+pub mod text;
 pub mod tool_table;
 mod unique;
 pub mod units;

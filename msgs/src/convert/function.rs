@@ -3,6 +3,7 @@
 use super::{WireError, number, position};
 use crate::contour::{Action, CoolantMode, SpindleMode};
 use crate::geometry::AxisSet;
+use crate::text::{Text, Words};
 use crate::units::{
     m_from_mm, m_per_s_from_mm_per_min, mm_from_m, mm_per_min_from_m_per_s, point_from_position,
     rad_per_s_from_rpm, received_mm, received_mm_per_min, received_rpm, rpm_from_rad_per_s,
@@ -45,8 +46,8 @@ impl From<&Action> for wire::MachineFunction {
                 out.value = seconds;
                 Self::DWELL
             }
-            Action::Auxiliary { letter, number } => {
-                out.text = letter.to_string();
+            Action::Auxiliary { letter, number, words } => {
+                out.text = format!("{letter} {words}").trim_end().to_owned();
                 out.value = number;
                 Self::AUXILIARY
             }
@@ -75,6 +76,10 @@ impl From<&Action> for wire::MachineFunction {
                 Self::HOME
             }
             Action::ExactStop => Self::EXACT_STOP,
+            Action::Message { text } => {
+                out.text = text.to_string();
+                Self::MESSAGE
+            }
             Action::ProgramEnd { rewind: false } => Self::PROGRAM_END,
             Action::ProgramEnd { rewind: true } => Self::PROGRAM_END_REWIND,
         };
@@ -120,7 +125,7 @@ impl TryFrom<&wire::MachineFunction> for Action {
             })
         };
         let system = || match u8::try_from(function.number) {
-            Ok(system @ 1..=6) => Ok(system),
+            Ok(system @ 1..=9) => Ok(system),
             _ => Err(WireError::Constant { field: "number", value: function.number }),
         };
         let set_work_offset = |by_position| -> Result<Self, WireError> {
@@ -148,20 +153,12 @@ impl TryFrom<&wire::MachineFunction> for Action {
             W::STORE_REFERENCE_SECOND => Self::StoreReference { second: true },
             W::DWELL if value >= 0.0 => Self::Dwell { seconds: value },
             W::DWELL => return Err(WireError::Number { field: "value", value }),
-            W::AUXILIARY => {
-                let mut letters = function.text.chars();
-                match (letters.next(), letters.next()) {
-                    (Some(letter), None) if letter.is_ascii_uppercase() => {
-                        Self::Auxiliary { letter, number: value }
-                    }
-                    _ => {
-                        return Err(WireError::Text {
-                            field: "text",
-                            value: function.text.clone(),
-                        });
-                    }
+            W::AUXILIARY => match auxiliary(&function.text) {
+                Some((letter, words)) => Self::Auxiliary { letter, number: value, words },
+                None => {
+                    return Err(WireError::Text { field: "text", value: function.text.clone() });
                 }
-            }
+            },
             W::STOP => Self::Stop { optional: false },
             W::OPTIONAL_STOP => Self::Stop { optional: true },
             W::REFERENCE_FIRST => Self::Reference { axes, second: false },
@@ -170,9 +167,25 @@ impl TryFrom<&wire::MachineFunction> for Action {
             W::MACHINE_FEED => machine_move(false)?,
             W::HOME => Self::Home { axes },
             W::EXACT_STOP => Self::ExactStop,
+            W::MESSAGE => match Text::new(&function.text) {
+                Some(text) => Self::Message { text },
+                None => {
+                    return Err(WireError::Text { field: "text", value: function.text.clone() });
+                }
+            },
             W::PROGRAM_END => Self::ProgramEnd { rewind: false },
             W::PROGRAM_END_REWIND => Self::ProgramEnd { rewind: true },
             value => return Err(WireError::Constant { field: "kind", value: value.into() }),
         })
+    }
+}
+
+/// The letter of an auxiliary word, and the words that belong to it: `M`, `M P1 L3`.
+fn auxiliary(text: &str) -> Option<(char, Words)> {
+    let (letter, words) = text.split_once(' ').unwrap_or((text, ""));
+    let mut letters = letter.chars();
+    match (letters.next(), letters.next()) {
+        (Some(letter), None) if letter.is_ascii_uppercase() => Some((letter, Words::new(words)?)),
+        _ => None,
     }
 }

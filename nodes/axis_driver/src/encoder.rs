@@ -45,6 +45,8 @@ pub struct EncodedLine {
     pub source_line: u32,
     /// What the element is for.
     pub role: Role,
+    /// The events of the path before it, its own included.
+    pub events: usize,
 }
 
 /// What comes next.
@@ -148,6 +150,11 @@ impl Encoder {
     /// The element that comes next, counted from 0.
     pub fn next_element(&self) -> usize {
         self.next_element
+    }
+
+    /// How many events of the path have been encoded.
+    pub fn events_begun(&self) -> usize {
+        self.next_event
     }
 
     /// The same place in another path; `None` when that path is not the same so far.
@@ -334,6 +341,7 @@ impl Encoder {
             element: Some(index),
             source_line: element.source.line,
             role: element.role,
+            events: self.next_event,
         })
     }
 

@@ -27,6 +27,8 @@ pub struct Tracker {
     element: usize,
     /// Part of the element that is done, 0 to 1.
     part: f64,
+    /// The part that is not done, mm, as far as it is known.
+    rest_mm: f64,
     /// Where the run began, for axes that the path does not give before these elements.
     began: Option<(Position, [usize; 3])>,
     /// What the controller said last, until the position is looked at.
@@ -43,6 +45,7 @@ impl Tracker {
             answered,
             element: first_element,
             part: 0.0,
+            rest_mm: f64::INFINITY,
             began: None,
             reported: None,
         }
@@ -56,6 +59,12 @@ impl Tracker {
     /// Whether that element has been cut to its end.
     pub fn is_at_end(&self) -> bool {
         self.part >= 1.0
+    }
+
+    /// Whether all elements before this one have been cut.
+    pub fn has_reached(&self, element: usize) -> bool {
+        let is_next = self.element + 1 == element;
+        self.element >= element || is_next && (self.is_at_end() || self.rest_mm <= ON_ELEMENT_MM)
     }
 
     /// The tool is here before the first element, in the work frame; a path that does not
@@ -147,7 +156,7 @@ impl Tracker {
         let highest = next.or(self.answered.back().copied()).unwrap_or(self.element);
         let highest = self.reported.take().map_or(highest, |reported| reported.max(self.element));
         let Some(position) = position else { return };
-        let mut best: Option<(f64, usize, f64)> = None;
+        let mut best: Option<(f64, usize, f64, f64)> = None;
         for index in self.element..=highest.min(path.elements.len().saturating_sub(1)) {
             let Some(element) = path.elements.get(index) else { return };
             let (start, end) = self.ends(path, index);
@@ -155,14 +164,17 @@ impl Tracker {
                 nearest(&element.shape, start, end, position, self.part_on(index));
             let fell_back = (self.part_on(index) - part) * length > JITTER_MM;
             if !fell_back && best.is_none_or(|(least, ..)| distance < least) {
-                best = Some((distance, index, part));
+                best = Some((distance, index, part, (1.0 - part) * length));
             }
             if best.is_some_and(|(least, ..)| least <= ON_ELEMENT_MM) {
                 break;
             }
         }
-        if let Some((_, index, part)) = best {
+        if let Some((_, index, part, rest_mm)) = best {
             self.go_to(index, part);
+            if index == self.element {
+                self.rest_mm = rest_mm;
+            }
         }
     }
 
@@ -172,7 +184,7 @@ impl Tracker {
 
     fn go_to(&mut self, element: usize, part: f64) {
         if element > self.element {
-            (self.element, self.part) = (element, part);
+            (self.element, self.part, self.rest_mm) = (element, part, f64::INFINITY);
         } else if element == self.element {
             self.part = self.part.max(part);
         }

@@ -4,6 +4,7 @@ use crate::exit::Failure;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use program_loader::limits::PROGRAM_BYTES_MAX;
+use program_loader::parameter_file::{self, PARAMETER_FILE_BYTES_MAX};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
@@ -11,6 +12,18 @@ use std::path::Path;
 pub(crate) fn read_program(path: &Path) -> Result<Vec<u8>, Failure> {
     intake::file::read(path, PROGRAM_BYTES_MAX as u64)
         .map_err(|error| Failure::usage(format_args!("cannot read {}: {error}", path.display())))
+}
+
+/// A program with the values of a parameter file.
+pub(crate) fn with_parameters(
+    text: Vec<u8>,
+    profile: &Profile,
+    path: &Path,
+) -> Result<Vec<u8>, Failure> {
+    let file = intake::file::read(path, PARAMETER_FILE_BYTES_MAX)
+        .map_err(|error| Failure::usage(format_args!("cannot read {}: {error}", path.display())))?;
+    parameter_file::with_parameters(text, profile, &file_name(path), &file)
+        .map_err(|error| Failure::usage(format_args!("{}: {error}", path.display())))
 }
 
 /// The last component of a path, for people: one line without control characters.

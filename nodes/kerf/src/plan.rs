@@ -40,6 +40,9 @@ pub(crate) struct PlanArgs {
     /// Folder with the files of subroutines that the program calls: o<pocket> call reads pocket.ngc
     #[arg(long, value_name = "DIR")]
     subroutines: Vec<String>,
+    /// Values that numbered parameters begin with, as LinuxCNC writes them: 5221 12.5
+    #[arg(long, value_name = "FILE")]
+    parameters: Option<PathBuf>,
     /// Position of the tool before the first block, millimetres
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
     start: [f64; 3],
@@ -69,7 +72,8 @@ pub(crate) struct PlanArgs {
 
 /// Loads and plans, prints the result; fails if the program is refused.
 pub(crate) fn run(args: &PlanArgs) -> CommandResult {
-    let inputs = files::inputs([Some(args.file.as_path()), args.tools.as_deref()], &args.control);
+    let read = [Some(args.file.as_path()), args.tools.as_deref(), args.parameters.as_deref()];
+    let inputs = files::inputs(read, &args.control);
     let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
     let text = files::read_program(&args.file)?;
     let mut profile = files::profile(&args.control)?;
@@ -78,6 +82,10 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let text = with_subroutines(text, &profile, |name| {
         folders.read(&format!("{name}.ngc"), PROGRAM_BYTES_MAX as u64).ok()
     });
+    let text = match &args.parameters {
+        Some(path) => files::with_parameters(text, &profile, path)?,
+        None => text,
+    };
     let tools = files::tool_table(args.tools.as_deref())?;
     let name = files::file_name(&args.file);
 

@@ -116,10 +116,12 @@ fn is_same(programmed: &Action, found: &Action, tools: &ToolTable) -> bool {
     match (programmed, found) {
         // The planner fills in the length.
         (
-            Action::ToolLength { offset: Some(a), .. },
+            Action::ToolLength { offset: Some(a), length_mm: added_mm },
             Action::ToolLength { offset: Some(b), length_mm },
         ) => {
-            let expected = tools.tools.get(a).map_or(0.0, |tool| tool.length_mm);
+            // 0 is no tool, whatever the table has there.
+            let tool = tools.tools.get(a).filter(|_| *a != 0);
+            let expected = tool.map_or(0.0, |tool| tool.length_mm) + added_mm;
             a == b && (expected - length_mm).abs() <= 1e-9
         }
         _ => same_numbers(programmed, found),

@@ -8,6 +8,7 @@ use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{Plane, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use cnc_msgs::profile::{OutputPoint, Profile};
+use cnc_msgs::text::Words;
 use cnc_msgs::tool_table::ToolTable;
 use path_audit::{Audit, audit, audit_after};
 use proptest::prelude::*;
@@ -151,7 +152,8 @@ fn events_that_are_lost_doubled_or_swapped_are_found() {
     }
     planned.check(Code::PathMismatch, |path| path.events.swap(0, 1));
     planned.check(Code::PathMismatch, |path| {
-        path.events[0].action = Action::Auxiliary { letter: 'M', number: 62.0 };
+        path.events[0].action =
+            Action::Auxiliary { letter: 'M', number: 62.0, words: Words::EMPTY };
     });
 }
 

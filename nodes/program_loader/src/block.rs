@@ -1,6 +1,7 @@
 //! The words of one line, before a dialect gives them a meaning.
 
 use crate::expression::Parameter;
+use crate::lexer::remark::Remark;
 
 /// How a dialect writes its blocks.
 #[derive(Debug, Clone, Copy)]
@@ -52,6 +53,8 @@ pub(crate) struct Block {
     pub(crate) words: Vec<Word>,
     /// What it sets, once all its words have their values.
     pub(crate) assignments: Vec<Assignment>,
+    /// Comments that do something.
+    pub(crate) remarks: Vec<Remark>,
     /// N.
     pub(crate) number: Option<u32>,
     /// From the first word to the last, in bytes of the line.

@@ -75,6 +75,9 @@ fn approach_text(approach: Approach) -> &'static str {
 fn action_text(action: &Action) -> String {
     match action {
         Action::ChangeTool { tool } => format!("{} T{tool}", action.text()),
+        Action::ToolLength { offset: Some(1..), length_mm } if *length_mm != 0.0 => {
+            format!("{} and {}", action.text(), number(*length_mm))
+        }
         Action::MachineMove { feed_mm_per_min, rapid: false, .. } => {
             format!("{} F{}", action.text(), number(*feed_mm_per_min))
         }

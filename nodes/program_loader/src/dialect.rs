@@ -12,7 +12,7 @@ mod rs274;
 mod sinumerik_840c;
 
 use crate::block::LexerRules;
-pub(crate) use crate::interpreter::{Cycle, OffsetWord, StateWord};
+pub(crate) use crate::interpreter::{Cycle, OffsetWord, Spline, StateWord};
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile;
@@ -87,9 +87,9 @@ pub(crate) enum GWord {
         /// Whether D is a diameter.
         is_dynamic: bool,
     },
-    LengthOn,
+    Length(LengthWord),
     LengthOff,
-    /// 1 to 6.
+    /// 1 to 9.
     WorkOffset(u8),
     /// Accepted without effect on the contour, together with these letters.
     Accepted(Group, Letters),
@@ -171,7 +171,7 @@ impl GWord {
             Self::Centers(_) => Group::Centers,
             Self::Units(_) => Group::Units,
             Self::CompensationOff | Self::CompensationOn { .. } => Group::Compensation,
-            Self::LengthOn | Self::LengthOff => Group::Length,
+            Self::Length(_) | Self::LengthOff => Group::Length,
             Self::WorkOffset(_) => Group::WorkOffset,
             Self::Accepted(group, _) => group,
             Self::Dwell
@@ -202,7 +202,7 @@ impl GWord {
                     | OffsetWord::Axis
                     | OffsetWord::AxisOff { .. }
                     | OffsetWord::AxisRestore
-            )
+            ) | Self::Motion(Mode::Spline(Spline::Open))
         )
     }
 }
@@ -210,7 +210,7 @@ impl GWord {
 impl MWord {
     /// Whether it acts only on later blocks of this program.
     pub(crate) const fn only_acts_later(self) -> bool {
-        matches!(self, Self::State(_) | Self::CallProgram | Self::EndProgram)
+        matches!(self, Self::State(_) | Self::CallProgram | Self::EndProgram | Self::NameTool)
     }
 }
 
@@ -228,6 +228,19 @@ pub(crate) enum Mode {
     },
     /// A drilling cycle.
     Cycle(Cycle),
+    /// A curve, or a part of one.
+    Spline(Spline),
+}
+
+/// Where a tool length comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LengthWord {
+    /// G43: H, a tool of the table.
+    Tool,
+    /// G43.1: Z.
+    Given,
+    /// G43.2: H or Z, added to the length in force.
+    Added,
 }
 
 /// How F is given.
@@ -275,6 +288,10 @@ pub(crate) enum MWord {
     Auxiliary {
         after_motion: bool,
     },
+    /// M61: names the tool in the spindle.
+    NameTool,
+    /// A function of the machine with words of its own (`interpreter/machine_words.rs`).
+    Machine,
     Refused(&'static str),
     Unknown,
 }

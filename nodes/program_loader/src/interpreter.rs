@@ -12,13 +12,20 @@ mod compensation;
 mod cycles;
 mod feeds;
 mod home;
+mod machine_words;
 mod moves;
 mod offsets;
 mod polar;
+mod polar_words;
 mod refusals;
 mod request;
+mod rotation;
 mod saved_state;
+mod scene;
+mod splines;
+mod stored;
 mod system;
+mod tool_lengths;
 
 use crate::block::Block;
 use crate::bounds::Bounds;
@@ -33,17 +40,25 @@ use cnc_msgs::contour::{
 };
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
+use cnc_msgs::text::Text;
 use cnc_msgs::units::received_mm;
 use compensation::Compensation;
 pub(crate) use cycles::Cycle;
 use cycles::CycleWords;
+use machine_words::Overrides;
 pub(crate) use offsets::OffsetWord;
 use polar::Polar;
 use request::Request;
 pub(crate) use request::code_in_tenths;
+use rotation::Rotations;
 use saved_state::SavedState;
 pub(crate) use saved_state::StateWord;
+use scene::Scene;
+use splines::OpenCurve;
+pub(crate) use splines::Spline;
 use std::cell::Cell;
+use std::collections::BTreeMap;
+use tool_lengths::{Length, ToolEntries};
 
 /// What follows a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,48 +73,6 @@ pub(crate) enum After {
     },
     /// M99.
     EndOfProgram,
-}
-
-/// One block during its execution.
-#[derive(Debug)]
-struct Scene<'s> {
-    line: Line<'s>,
-    block: &'s Block,
-    rules: &'s Rules<'s>,
-    findings: &'s mut Findings,
-    /// Where compensation was selected, if it is on when the block begins.
-    under_compensation: Option<Source>,
-    /// The plane when the block begins.
-    plane: Plane,
-}
-
-impl Scene<'_> {
-    /// The place of a word in the program.
-    fn source_of(&self, word: usize) -> Source {
-        let word = self.block.words[word];
-        self.line.source(self.block.number, usize::from(word.start), usize::from(word.end))
-    }
-
-    /// The place of the whole block in the program.
-    #[inline]
-    fn source(&self) -> Source {
-        if !self.block.has_remark {
-            // Words are ASCII: a byte is a character.
-            return Source {
-                line: self.line.number,
-                block: self.block.number,
-                column: (self.block.start + 1) as u16,
-                length: (self.block.end - self.block.start) as u16,
-            };
-        }
-        self.line.source(self.block.number, self.block.start, self.block.end)
-    }
-
-    /// A word as the program has it.
-    fn quote(&self, word: usize) -> String {
-        let word = self.block.words[word];
-        self.line.quote(usize::from(word.start), usize::from(word.end))
-    }
 }
 
 /// What stays in force from one block to the next.
@@ -124,8 +97,11 @@ struct Modal {
     selected_tool: Option<u32>,
     /// The tool of the last M6.
     spindle_tool: Option<u32>,
-    /// G43 H.
-    length: Option<u32>,
+    /// M61 has said which tool that is.
+    is_tool_named: bool,
+    overrides: Overrides,
+    /// G43.
+    length: Option<Length>,
     work_offset: u8,
     /// The zero of the program in the work system, mm (G52, G92), and what G92.3 restores.
     shift: Position,
@@ -162,6 +138,16 @@ pub(crate) struct Interpreter<'r> {
     saved: Vec<Option<(SavedState, bool)>>,
     contour: ProgrammedContour,
     bounds: Bounds,
+    /// Tools of M61.
+    named_tools: Vec<(u32, Source)>,
+    /// What G10 has set for tools.
+    tool_entries: ToolEntries,
+    rotations: Rotations,
+    /// Stored positions and work offsets that are known, by their numbers.
+    stored: BTreeMap<u32, f64>,
+    open_curve: Option<OpenCurve>,
+    /// P and Q of the last G5, while no other motion has come.
+    last_cubic: Option<[f64; 2]>,
 }
 
 impl<'r> Interpreter<'r> {
@@ -195,6 +181,8 @@ impl<'r> Interpreter<'r> {
                 feed_is_poisoned: false,
                 selected_tool: None,
                 spindle_tool: None,
+                is_tool_named: false,
+                overrides: Overrides::default(),
                 length: None,
                 work_offset: 1,
                 shift: [0.0; 3],
@@ -219,6 +207,12 @@ impl<'r> Interpreter<'r> {
             saved: vec![None],
             contour,
             bounds: Bounds::default(),
+            named_tools: Vec::new(),
+            tool_entries: ToolEntries::new(),
+            rotations: Rotations::default(),
+            stored: BTreeMap::new(),
+            open_curve: None,
+            last_cubic: None,
         }
     }
 
@@ -230,6 +224,14 @@ impl<'r> Interpreter<'r> {
     /// Events so far.
     pub(crate) fn event_count(&self) -> usize {
         self.contour.events.len()
+    }
+
+    /// Shows a text to the operator here.
+    pub(crate) fn show(&mut self, source: Source, text: &str) {
+        self.source = source;
+        for text in Text::parts(text) {
+            self.act(Action::Message { text });
+        }
     }
 
     /// Executes one block; returns what follows it.
@@ -248,6 +250,9 @@ impl<'r> Interpreter<'r> {
         self.used = Letters::NONE;
         self.shared = Letters::NONE;
         self.request.read(&mut scene);
+        if self.request.polar != [None; 2] {
+            self.check_polar_words(&mut scene);
+        }
 
         if self.request.is_plain() {
             self.feed(&mut scene);
@@ -334,10 +339,11 @@ impl<'r> Interpreter<'r> {
         self.modal.mode_is_poisoned = true;
     }
 
-    /// Returns the contour, and the box around it if it has any motion.
-    pub(crate) fn finish(mut self) -> (ProgrammedContour, Option<Bounds>) {
+    /// Returns the contour, the box around it if it has any motion, and the tools of M61.
+    pub(crate) fn finish(mut self) -> (ProgrammedContour, Option<Bounds>, Vec<(u32, Source)>) {
         self.contour.assumed_axes = self.contour.assumed_axes.union(self.read_axes.get());
-        (self.contour, (!self.bounds.axes.is_empty()).then_some(self.bounds))
+        let bounds = (!self.bounds.axes.is_empty()).then_some(self.bounds);
+        (self.contour, bounds, self.named_tools)
     }
 
     /// Adds an event, with numbers rounded as the planner's node receives them, so that `kerf plan`

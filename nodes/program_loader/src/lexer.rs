@@ -6,6 +6,7 @@
 
 pub(crate) mod call;
 mod computed;
+pub(crate) mod remark;
 
 use crate::block::{Block, LexerRules, Word};
 use crate::expression::Lookup;
@@ -14,6 +15,7 @@ use crate::limits::{BLOCK_WORDS_MAX, NUMBER_MAX};
 use crate::line::Line;
 use crate::number::{self, NotANumber, NumberError};
 use cnc_msgs::finding::{Code, Finding};
+use remark::Remark;
 
 /// Splits a line that is not longer than a [`Word`]'s places can express.
 ///
@@ -27,6 +29,7 @@ pub(crate) fn read(
 ) {
     block.words.clear();
     block.assignments.clear();
+    block.remarks.clear();
     block.number = None;
     (block.start, block.end) = (0, 0);
     (block.is_optional, block.is_damaged) = (false, false);
@@ -57,6 +60,7 @@ impl Lexer<'_> {
                 b';' => return,
                 b'/' => self.slash(),
                 b'@' if self.rules.at_words => self.word(b'@'),
+                b'@' | b'^' if self.rules.parameters => self.word(byte),
                 _ => self.stray(byte),
             }
         }
@@ -253,6 +257,9 @@ impl Lexer<'_> {
             return self.report(Code::Syntax, start, message, "close it with ) on the same line");
         };
         self.at = start + length + 2;
+        if self.rules.parameters && length > 4 {
+            self.block.remarks.extend(Remark::read(self.line.text, start, self.at));
+        }
         if rest[length] == b'(' {
             let inner = self.at - 1;
             let close = memchr::memrchr(b')', self.line.text);
@@ -444,7 +451,8 @@ fn end_of_name(text: &[u8], start: usize) -> usize {
     let letters = text[start..].iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
     let after = start + letters;
     let has_number = matches!(text.get(after), Some(b'0'..=b'9' | b'.' | b'+' | b'-'));
-    if has_number { (after - 1).max(start + 1) } else { after }
+    // `@` and `^` are no letters.
+    (if has_number { after - 1 } else { after }).max(start + 1)
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@
 
 mod block;
 mod bounds;
+mod curve;
 mod dialect;
 mod expression;
 mod findings;
@@ -35,6 +36,7 @@ pub mod canonical;
 pub mod limits;
 #[cfg(feature = "node")]
 pub mod node;
+pub mod parameter_file;
 pub mod render;
 pub mod subroutines;
 pub mod upload;
@@ -77,6 +79,8 @@ pub struct Loaded {
     pub line_count: u32,
     /// The box around all motion; `None` without motion or with an error.
     pub bounds: Option<Bounds>,
+    /// The tools that M61 says are in the spindle, without a change.
+    pub named_tools: Vec<(u32, Source)>,
 }
 
 impl Loaded {
@@ -101,6 +105,9 @@ impl Loaded {
             {
                 others.entry(tool).or_insert(event.source);
             }
+        }
+        for &(tool, source) in self.named_tools.iter().filter(|(tool, _)| !allowed.contains(tool)) {
+            others.entry(tool).or_insert(source);
         }
         if others.is_empty() {
             return;
@@ -159,7 +166,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
 
     let refused = |findings: Findings| {
         let contour = ProgrammedContour { start: options.start, ..ProgrammedContour::default() };
-        Loaded { contour, findings: findings.finish(), line_count, bounds: None }
+        Loaded { contour, findings: findings.finish(), line_count, ..Loaded::default() }
     };
     if let Some(refusal) = refuse_whole(text, line_count) {
         findings.push(refusal);
@@ -172,14 +179,20 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     if findings.has_error() {
         return refused(findings);
     }
-    let interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
-    let reader = Reader::new(text, &rules, options, interpreter, flow, findings);
+    let stored = match rules.dialect.lexer.parameters && !options.is_single_block {
+        true => parameter_file::values_of(text),
+        false => Vec::new(),
+    };
+    let mut interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
+    interpreter.store(&stored, &mut findings);
+    let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
+    reader.store(&stored);
     let (interpreter, findings) = reader.read();
     if findings.has_error() {
         return refused(findings);
     }
-    let (contour, bounds) = interpreter.finish();
-    Loaded { contour, findings: findings.finish(), line_count, bounds }
+    let (contour, bounds, named_tools) = interpreter.finish();
+    Loaded { contour, findings: findings.finish(), line_count, bounds, named_tools }
 }
 
 /// Checks for which a program is rejected before its lines are read.

@@ -30,7 +30,8 @@ impl Line<'_> {
         }
     }
 
-    /// Some bytes of the line as a message quotes them: capitals, no blanks, shortened.
+    /// Some bytes of the line as a message quotes them: capitals, but for names in `< >`; no blanks,
+    /// shortened.
     pub(crate) fn quote(&self, start: usize, end: usize) -> String {
         const LONG: usize = 24;
         let end = end.min(self.text.len());
@@ -38,10 +39,14 @@ impl Line<'_> {
         if let Some(name) = name_of_call(&text) {
             return name.to_owned();
         }
+        let mut is_name = false;
         let mut quote: String = text
             .chars()
             .filter(|letter| !letter.is_whitespace())
-            .map(|letter| letter.to_ascii_uppercase())
+            .map(|letter| {
+                is_name = letter == '<' || is_name && letter != '>';
+                if is_name { letter } else { letter.to_ascii_uppercase() }
+            })
             .take(LONG + 1)
             .collect();
         if quote.chars().count() > LONG {
@@ -74,6 +79,12 @@ mod tests {
             let source = line.source(None, text.len() - 2, text.len());
             assert_eq!((source.line, source.column, source.length), (3, 5, 2));
         }
+    }
+
+    #[test]
+    fn names_are_quoted_as_they_are_written() {
+        let line = Line { number: 1, text: b"x[#<_Depth> + sin[#<a b>]]" };
+        assert_eq!(line.quote(0, 99), "X[#<_Depth>+SIN[#<ab>]]");
     }
 
     #[test]

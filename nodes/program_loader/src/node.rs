@@ -9,6 +9,7 @@ mod lifecycle;
 mod parameters;
 
 use crate::limits::PROGRAM_BYTES_MAX;
+use crate::parameter_file::{PARAMETER_FILE_BYTES_MAX, with_parameters};
 use crate::subroutines::with_subroutines;
 use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
@@ -218,6 +219,7 @@ impl Loader {
         let text = with_subroutines(text, &profile, |name| {
             self.subroutines.read(&format!("{name}.ngc"), PROGRAM_BYTES_MAX as u64).ok()
         });
+        let text = self.with_parameters(text, &profile)?;
         let mut loaded = load(&text, &profile, &self.options);
         loaded.allow_tools(&request.expected_tools);
         let (findings, finding_count) = first_findings(&loaded);
@@ -246,6 +248,20 @@ impl Loader {
         tracing::info!("{}", response.message);
         self.publish(name, text, &profile, loaded);
         Ok(response)
+    }
+
+    /// The text with the values of the parameter file, if the node has one.
+    fn with_parameters(&self, text: Vec<u8>, profile: &Profile) -> Result<Vec<u8>, Refusal> {
+        type W = LoadProgramResponse;
+        let path: String = self.node.parameter("parameter_file");
+        if path.is_empty() {
+            return Ok(text);
+        }
+        let failed = |why: &dyn std::fmt::Display| format!("parameter_file {path}: {why}");
+        let file = intake::file::read(std::path::Path::new(&path), PARAMETER_FILE_BYTES_MAX)
+            .or_else(|error| refuse(W::INVALID_REQUEST, failed(&error)))?;
+        with_parameters(text, profile, &path, &file)
+            .or_else(|error| refuse(W::INVALID_REQUEST, failed(&error)))
     }
 
     /// Reads a single block; the loaded program stays.

@@ -11,6 +11,9 @@ pub(crate) const NUMBER_MAX: u32 = 5602;
 /// `#1` to `#30` belong to a subroutine.
 pub(crate) const ARGUMENTS: usize = 30;
 
+/// The parameter that switches DEBUG messages off; it is 1 at first.
+pub(crate) const SHOWS_DEBUG: u32 = 5599;
+
 /// Why a parameter cannot be set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum CannotSet {
@@ -51,7 +54,8 @@ impl Parameters {
         if !(1..=NUMBER_MAX).contains(&number) {
             return None;
         }
-        Some(self.numbered.get(number as usize).copied().unwrap_or(0.0))
+        let first = || f64::from(u8::from(number == SHOWS_DEBUG));
+        Some(self.numbered.get(number as usize).copied().unwrap_or_else(first))
     }
 
     /// The value of a named parameter that the program has set; names with `_` are global.
@@ -71,9 +75,7 @@ impl Parameters {
                 if is_read_only(*number) {
                     return Err(CannotSet::ReadOnly);
                 }
-                if self.numbered.is_empty() {
-                    self.numbered = vec![0.0; NUMBER_MAX as usize + 1];
-                }
+                self.fill();
                 self.numbered[*number as usize] = value;
             }
             Parameter::Named(name) => {
@@ -96,6 +98,22 @@ impl Parameters {
         Ok(())
     }
 
+    /// Takes the user's values of a parameter file.
+    pub(crate) fn store(&mut self, values: &[(u32, f64)]) {
+        for &(number, value) in values.iter().filter(|(number, _)| (31..=5000).contains(number)) {
+            self.fill();
+            self.numbered[number as usize] = value;
+        }
+    }
+
+    /// Gives each number a value, before the first is set.
+    fn fill(&mut self) {
+        if self.numbered.is_empty() {
+            self.numbered = vec![0.0; NUMBER_MAX as usize + 1];
+            self.numbered[SHOWS_DEBUG as usize] = 1.0;
+        }
+    }
+
     /// Subroutines that are running.
     pub(crate) fn depth(&self) -> usize {
         self.locals.len() - 1
@@ -113,9 +131,7 @@ impl Parameters {
     /// Returns the values of `#1` to `#30` before.
     pub(crate) fn enter(&mut self, arguments: &[f64]) -> [f64; ARGUMENTS] {
         let mut saved = [0.0; ARGUMENTS];
-        if self.numbered.is_empty() {
-            self.numbered = vec![0.0; NUMBER_MAX as usize + 1];
-        }
+        self.fill();
         let own = &mut self.numbered[1..=ARGUMENTS];
         saved.copy_from_slice(own);
         own.fill(0.0);

@@ -3,9 +3,11 @@
 //! Knows where a program begins and ends, and blocks by hand; O words are [`flow`](crate::flow)'s,
 //! blocks the lexer's and the interpreter's.
 
+mod remarks;
+
 use crate::LoadOptions;
 use crate::block::Block;
-use crate::dialect::Dialect;
+use crate::dialect::{Dialect, GWord, OffsetWord};
 use crate::findings::Findings;
 use crate::flow::{Cursor, Flow, FlowMap, Next, World};
 use crate::interpreter::{After, Interpreter, code_in_tenths};
@@ -40,6 +42,8 @@ pub(crate) struct Reader<'r> {
     section: Section,
     has_blocks: bool,
     parameters: Parameters,
+    /// It has been said that no log file is written.
+    has_reported_log: bool,
     /// Nothing where the program has no O words.
     flow: Option<Flow<'r>>,
 }
@@ -71,8 +75,14 @@ impl<'r> Reader<'r> {
             section: Section::Before,
             has_blocks: false,
             parameters: Parameters::default(),
+            has_reported_log: false,
             flow: (!flow.entries.is_empty()).then(|| Flow::new(text, flow, options.flow)),
         }
+    }
+
+    /// Gives parameters the values of a parameter file.
+    pub(crate) fn store(&mut self, values: &[(u32, f64)]) {
+        self.parameters.store(values);
     }
 
     /// Reads and executes the program; returns what it has come to, and all findings.
@@ -160,6 +170,9 @@ impl<'r> Reader<'r> {
             self.section = Section::Within;
             self.assign(line);
         }
+        if !self.block.remarks.is_empty() {
+            self.remarks(line);
+        }
         if self.block.words.is_empty() && !self.block.is_damaged {
             return After::Block;
         }
@@ -175,9 +188,16 @@ impl<'r> Reader<'r> {
     #[cold]
     fn refuse_lasting(&mut self, line: Line<'_>) {
         let Dialect { g, m, .. } = self.rules.dialect;
+        let sets_for_later = self.block.words.iter().any(|word| {
+            word.letter == b'R' || word.letter == b'L' && [1.0, 10.0].contains(&word.value)
+        });
         for word in &self.block.words {
             let lasts = code_in_tenths(word.value).is_some_and(|tenths| match word.letter {
-                b'G' => g(tenths).only_acts_later(),
+                b'G' => match g(tenths) {
+                    // A rotation, or a tool.
+                    GWord::Offset(OffsetWord::Set) => sets_for_later,
+                    word => word.only_acts_later(),
+                },
                 b'M' => m(tenths / 10).only_acts_later(),
                 _ => false,
             });
@@ -340,6 +360,11 @@ impl<'r> Reader<'r> {
                 Finding::warning(Code::MissingWord, Source::default(), message)
                     .help("nothing will move; is it the right file?"),
             );
+        }
+        if let Some(source) = self.interpreter.open_curve() {
+            let message = "the curve that G5.2 begins has no G5.3";
+            let finding = Finding::error(Code::MissingWord, source, message);
+            self.findings.push(finding.help("write G5.3 after the last control point"));
         }
         if matches!(self.section, Section::After { .. }) {
             return;

@@ -17,15 +17,15 @@ fn check(control: &str, text: &str, expected: &[&str]) {
 
 #[test]
 fn an_expression_is_one_finding_with_all_of_it() {
-    check("masso", "G0 X0\nG1 X#<depth> F100", &["2: `X#<DEPTH>` is an expression"]);
-    check("masso", "G0 X-#<a_1> Y0", &["1: `X-#<A_1>` is an expression"]);
-    check("masso", "G0 X[#<a>+[2]] Y0", &["1: `X[#<A>+[2]]` is an expression"]);
+    check("masso", "G0 X0\nG1 X#<depth> F100", &["2: `X#<depth>` is an expression"]);
+    check("masso", "G0 X-#<a_1> Y0", &["1: `X-#<a_1>` is an expression"]);
+    check("masso", "G0 X[#<a>+[2]] Y0", &["1: `X[#<a>+[2]]` is an expression"]);
     check(
         "masso",
         "G0 X#[1+#2] Y##3",
         &["1: `X#[1+#2]` is an expression", "1: `Y##3` is an expression"],
     );
-    check("masso", "G0 X#<open", &["1: `X#<OPEN` is an expression"]);
+    check("masso", "G0 X#<open", &["1: `X#<open` is an expression"]);
 }
 
 #[test]
@@ -71,16 +71,18 @@ fn parameters_have_the_state_of_the_machine_or_say_that_it_is_not_known() {
         "G0 Z#5400",
         &["1: #5400 is the tool in the spindle, which is known only after M6"],
     );
-    check("rs274", "G28\nG0 X#<_x>", &["2: #<_X> is the position of X, which is not known here"]);
+    check("rs274", "G28\nG0 X#<_x>", &["2: #<_x> is the position of X, which is not known here"]);
     check(
         "rs274",
         "G0 X#5221",
-        &["1: #5221 is a work offset of the machine, which is known only there"],
+        &[
+            "1: #5221 is a work offset of the machine, which is known only there or from a parameter file",
+        ],
     );
     check(
         "rs274",
         "#<_x>=5\n#9=1",
-        &["1: `#<_X>=5`: this parameter cannot be set, the machine gives its value"],
+        &["1: `#<_x>=5`: this parameter cannot be set, the machine gives its value"],
     );
 }
 

@@ -156,6 +156,10 @@ def proof(linuxcnc, kerf, name):
     def changed(n, **change):
         return noticed([*kerf.items[:n], replace(kerf.items[n], **change), *kerf.items[n + 1:]])
 
+    if any(isinstance(it, Move) and it.kind == "curve" for it in linuxcnc.items):
+        # LinuxCNC prints nothing of a curve but that it is one: many moves of one line in Kerf.
+        count = Counter(kerf.items[n].where for n in moves)
+        moves = [n for n in moves if count[kerf.items[n].where] == 1]
     pick = sum(map(ord, name))
     if moves:
         n = moves[pick % len(moves)]

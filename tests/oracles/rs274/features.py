@@ -660,7 +660,7 @@ def tool_lengths(program, rng):
         tool = rng.randint(1, 9)
         program.add(rng.choice([
             f"T{tool} M6 G43", f"T{tool} M6", f"G43 H{tool}", "G43", "G49", f"G43.1 Z{tool}",
-            f"G43.1 X{tool} Z{tool}.5", f"G43.2 H{tool}", f"M61 Q{tool}"]))
+            f"G43.1 X{tool} Z{tool}.5", f"G43.2 H{tool}"]))
         program.add("G0 " + " ".join(f"{axis}{rng.randint(-30, 30)}" for axis in "XYZ"))
         program.add(f"G0 X[{rng.choice(['#5400', '#<_current_tool>', '#<_tool_offset>'])}]")
 
@@ -798,7 +798,10 @@ def polar(program, rng):
         program.add(rng.choice([
             f"G1 @{length(rng.randint(1, 30))} ^{rng.randint(-180, 180)}",
             f"G0 ^{rng.randint(0, 360)}", f"G1 @{length(rng.randint(1, 30))}",
-            f"G91 G1 @{length(rng.randint(1, 9))} ^{rng.randint(0, 90)}", "G90"]))
+            f"G91 G1 @{length(rng.randint(1, 9))} ^{rng.randint(0, 90)}", "G90",
+            f"G1 @{length(rng.randint(1, 9))} ^{rng.randint(0, 360)} Z{length(1)}", "G52 X{L1} Y{L2}",
+            f"G81 @{length(rng.randint(1, 9))} ^{rng.randint(0, 360)} Z{length(-1)} R{length(1)}\nG80",
+            f"G1 @{length(rng.randint(1, 9))} ^[10 * 3]"]))
 
 
 @feature("lathe diameters", 60)
@@ -813,7 +816,11 @@ def diameters(program, rng):
 def splines(program, rng):
     program.scales = False
     program.add("G0 X0 Y0", rng.choice([
-        "G5 I0 J3 P0 Q-3 X1 Y1", "G5.1 X4 Y4 I2 J1", "G5.2 P1 L3 X0 Y1\nX2 Y2 P1\nX4 Y0 P1\nG5.3"]),
+        "G5 I0 J3 P0 Q-3 X1 Y1", "G5.1 X4 Y4 I2 J1", "G5.2 P1 L3 X0 Y1\nX2 Y2 P1\nX4 Y0 P1\nG5.3",
+        "G5 I1 J3 P0 Q-3 X1 Y1\nG5 P2 Q2 X9 Y[2 * 3]", "G91 G5.1 X4 Y4 I2 J0\nG90",
+        "G20\nF20\nG5.1 X1 Y1 I0.5 J0.1\nG21\nF500", "G5.2 P0.5\nX1 Y1 P1\nX2 Y0 P3\nG5.3",
+        "G92 X1 Y1\nG5.1 X4 Y4 I2 J1", "G91 G5.2 X1 Y1 P1\nX3 Y3 P1\nX5 Y0 P1\nX1 Y9 P2\nG5.3\nG90",
+        "G93 G5.1 X4 Y4 I2 J1 F2\nG94 F300"]),
         "G1 X10 Y10")
 
 
@@ -889,8 +896,9 @@ def comments(program, rng):
     for _ in range(8):
         program.add(rng.choice([
             "(a comment)", "; another", f"{move(rng)} (beside)", f"(before) {move(rng)}",
-            f"{move(rng)} ; (both)", "()", "(MSG, hello)", "(msg,hello)", "(PRINT, #1)",
-            "(DEBUG, #1 and #<_x>)", "(LOG, nothing)", "(LOGOPEN,log.txt)", "(LOGCLOSE)",
+            f"{move(rng)} ; (both)", "()", "(MSG, hello #1)", "(msg,hello)", "(PRINT, #1)", "#7=1.23456 (DEBUG, %d#7 %.3f#7)",
+            "(DEBUG, #1 and #<_x> ##7 #<nothing>)", "(LOG, l #7)", "(LOGOPEN,log.txt)",
+            "(LOGCLOSE)", "( debug,#<_metric>%f#7)", "(MSG,)", "(M SG,no)", "(DEBUG, [#7] 50 %)",
             "(AXIS,hide)", "  ", "(ümläut)", "; (open", "(%.3f#1)", f"G1 (in) X{mm(rng)}"]))
         program.add(move(rng))
 
@@ -904,10 +912,14 @@ def path_modes(program, rng):
 
 @feature("outputs and overrides", 60)
 def outputs(program, rng):
+    program.tools = [(1, 3.0, 0.0)]
     for _ in range(5):
         program.add(rng.choice([
             "M48", "M49", "M50 P0", "M51 P1", "M52 P1", "M53 P0", "M62 P1", "M63 P1", "M64 P2",
-            "M65 P2", "M66 P0 L0", "M66 E0 L0", "M67 E1 Q0.5", "M68 E1 Q2.5", "M19 R45"]), move(rng))
+            "M65 P2", "M66 P0 L0", "M66 E0 L0", "M67 E1 Q0.5", "M68 E1 Q2.5", "M19 R45",
+            "M19 R270 P1", "M66 P1 L3 Q2", "M62 P[1 + 1]", "M50", "M52 P0", "M61 Q1",
+            "(DEBUG, #<_feed_override> #<_speed_override> #<_adaptive_feed> #<_feed_hold>)"]),
+            move(rng))
 
 
 @feature("saved state", 80)

@@ -83,11 +83,20 @@ class Reader:
     def add(self, kind, event, value=None):
         self.items.append(Event(kind, replace(self.state), f"line {event['line']}", value))
 
+    def message(self, event, text):
+        last = self.items[-1] if self.items else None
+        # A long one is in parts, divided at a blank.
+        if isinstance(last, Event) and last.kind == "message" and last.where == \
+                f"line {event['line']}" and len((last.value + " " + text).encode()) > 62:
+            last.value += " " + text
+        else:
+            self.add("message", event, text)
+
     def event(self, event):
         text, state, kind = event["text"], self.state, event["kind"]
         where = f"line {event['line']}"
         if kind == "message":
-            self.add("message", event, text)
+            self.message(event, text.removeprefix("(MSG, ").removesuffix(")"))
         elif match := re.fullmatch(r"S([-\d.e]+)", text):
             state.speed = float(match[1])
         elif text in ("M3", "M4", "M5"):
@@ -134,5 +143,13 @@ class Reader:
                                    replace(state), where, axes="".join(words),
                                    machine_end=tuple(words.get(axis, 0.0) for axis in "XYZ"),
                                    rotary=None))
-        elif not re.fullmatch(r"G43 H\d+|G49", text):
+        elif match := re.fullmatch(r"(M(?:19|6[2-8]))((?: [A-Z][-\d.e]+)*)", text):
+            words = {it[0]: float(it[1:]) for it in match[2].split()}
+            if match[1] == "M19":
+                self.add("output", event, ("M19", words.get("R", 0.0), words.get("P", 0.0)))
+            elif match[1] != "M66":
+                # LinuxCNC prints no M66.
+                self.add("output", event, (match[1], *words.values()))
+        # LinuxCNC says what M48 to M53 have switched, not which word has done so.
+        elif not re.fullmatch(r"M(48|49|5[0-3])(?: P[01])?", text) and not re.fullmatch(r"G43 H\d+|G43\.1 Z[-\d.e]+|G49", text):
             self.unknown.add(re.sub(r"[-\d.]{3,}", "N", text))

@@ -13,6 +13,10 @@ from sequence import SAME_MM, Answer, Event, Move, State
 PLANES = {"XY": ("xy", 0, 1, 2), "YZ": ("yz", 1, 2, 0), "XZ": ("zx", 2, 0, 1)}
 CURVES = ("NURBS_FEED", "NURBS_G5_FEED", "NURBS_G6_FEED")
 
+OUTPUTS = {"SET_MOTION_OUTPUT_BIT": "M62", "CLEAR_MOTION_OUTPUT_BIT": "M63",
+           "SET_AUX_OUTPUT_BIT": "M64", "CLEAR_AUX_OUTPUT_BIT": "M65",
+           "SET_MOTION_OUTPUT_VALUE": "M67", "SET_AUX_OUTPUT_VALUE": "M68"}
+
 
 class Reader:
     """`size`: how many times as large as meant the program was written. `tools`: in the order of
@@ -45,10 +49,15 @@ class Reader:
                 self.function(word, arguments)
                 if word == "PROGRAM_END":
                     break
+            else:
+                # PRINT writes the bare text.
+                self.event("message", line)
         return self.items
 
     def function(self, word, arguments):
         handler = getattr(self, "on_" + word.lower(), None)
+        if word in OUTPUTS:
+            handler = self.output(OUTPUTS[word])
         if handler:
             handler(arguments)
         elif word in CURVES:
@@ -72,19 +81,22 @@ class Reader:
         return digits * 0.505e-4 * self.unit / self.size + SAME_MM
 
     def work(self):
-        x, y, z = (at - g5x - tool for at, g5x, tool in zip(self.machine, self.g5x, self.tool))
+        """Where the tool is in the work system, which a controller does not rotate."""
+        return tuple(at - g5x - tool for at, g5x, tool in zip(self.machine, self.g5x, self.tool))
+
+    def turned(self, place):
         c, s = math.cos(self.rotation), math.sin(self.rotation)
-        return (c * x + s * y, c * y - s * x, z)
+        x, y, z = place
+        return (c * x - s * y, s * x + c * y, z)
 
     def to_machine(self, work):
-        c, s = math.cos(self.rotation), math.sin(self.rotation)
-        x, y, z = work
-        turned = (c * x - s * y, s * x + c * y, z)
+        turned = self.turned(work)
         return tuple(at + g5x + tool for at, g5x, tool in zip(turned, self.g5x, self.tool))
 
     def add(self, kind, end, rotary, **more):
         end = tuple(at + g92 for at, g92 in zip(end, self.g92))
         start, self.machine = self.work(), self.to_machine(end)
+        end = self.work()
         feed, allowed_feed = None, 0.0
         if kind in ("line", "arc") and not self.is_synchronised:
             unit = self.feed_unit * (self.state.speed if self.is_per_revolution else 1.0)
@@ -143,10 +155,10 @@ class Reader:
         self.straight("probe", arguments)
 
     def on_rigid_tap(self, arguments):
-        start = self.work()
+        start = self.machine
         self.straight("tap", arguments)
         # It comes back.
-        self.machine = self.to_machine(start)
+        self.machine = start
 
     def straight(self, kind, arguments):
         numbers = self.numbers(arguments)
@@ -158,8 +170,25 @@ class Reader:
         name, one, two, three = PLANES[self.plane]
         end = [0.0, 0.0, 0.0]
         end[one], end[two], end[three] = first, second, self.lengths(numbers[5:6])[0]
-        center = (first_center + self.g92[one], second_center + self.g92[two])
+        center = [0.0, 0.0, 0.0]
+        center[one], center[two] = first_center + self.g92[one], second_center + self.g92[two]
+        if name == "xy":
+            center = self.turned(center)
+        center = (center[one], center[two])
         self.add("arc", end, numbers[6:9], plane=name, center=center, rotation=int(numbers[4]))
+
+    def output(self, word):
+        def handler(arguments):
+            self.event("output", (word, *self.numbers(arguments)))
+        return handler
+
+    def on_orient_spindle(self, arguments):
+        self.event("output", ("M19", *self.numbers(arguments)[1:]))
+
+    def on_message(self, arguments):
+        self.event("message", arguments[1:-1])
+
+    on_log = on_message
 
     def on_dwell(self, arguments):
         self.event("dwell", self.numbers(arguments)[0])

@@ -80,7 +80,8 @@ class Event:
 
     @property
     def is_empty(self):
-        return self.kind == "dwell" and self.value == 0.0
+        return self.kind == "dwell" and self.value == 0.0 or \
+            self.kind == "message" and not self.value.strip()
 
     def __str__(self):
         return f"{self.kind} {self.value if self.value is not None else ''} ({self.where})"
@@ -113,9 +114,9 @@ def difference(linuxcnc, kerf):
                 continue
             # A curve is lines and arcs in Kerf, up to where the next element agrees again.
             if isinstance(a, Move) and a.kind == "curve":
-                after = one[i + 1] if i + 1 < len(one) else None
-                if after is not None and apart(after, b) is None:
-                    i += 1
+                after = next((n for n in range(i, len(one)) if not is_curve(one[n])), None)
+                if after is not None and apart(one[after], b) is None:
+                    i = after
                 else:
                     j += 1
                 continue
@@ -126,6 +127,10 @@ def difference(linuxcnc, kerf):
         else:
             return f"{words}: LinuxCNC {a}; Kerf {b}"
     return None
+
+
+def is_curve(item):
+    return isinstance(item, Move) and item.kind == "curve"
 
 
 def is_reached(items, index, move):

@@ -42,6 +42,8 @@ pub(super) enum Origin {
         text: String,
         source_line: u32,
         element: Option<usize>,
+        /// The events of the path before it, its own included.
+        events: usize,
     },
     Sync,
 }

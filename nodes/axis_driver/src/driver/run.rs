@@ -8,6 +8,7 @@
 mod block;
 pub(super) mod exit;
 pub(super) mod job;
+mod messages;
 pub(super) mod progress;
 pub(super) mod proof;
 pub(super) mod replan;
@@ -55,6 +56,8 @@ pub(super) struct ProgramRun {
     pub(super) rest: Option<Box<Replan>>,
     /// A line of the next block, which waits for a resume.
     next_block: Option<EncodedLine>,
+    /// Events of the path whose messages have been shown.
+    shown: usize,
     estimate: Estimate,
     total_s: f64,
     progress: Option<(u32, f64)>,
@@ -149,6 +152,7 @@ impl ProgramRun {
         Self {
             job,
             first_element,
+            shown: encoder.events_begun(),
             encoder,
             next: None,
             is_alone: false,
@@ -251,6 +255,9 @@ impl ProgramRun {
                 state.mode = Mode::ToolChange;
                 state.tool_wanted = *tool;
                 state.reason = format!("TOOL_CHANGE: put in T{tool} (line {source_line})");
+                if let Some(text) = self.message_before(self.encoder.events_begun()) {
+                    state.reason += &format!(": {text}");
+                }
             }
             Stage::Draining(Then::ControllerChange { tool, source_line })
                 if state.mode == Mode::ToolChange =>

@@ -79,8 +79,13 @@ impl Driver {
             }
             Mode::Alarm => "ALARM: locked; home or unlock".into(),
             Mode::Hold => match link.oldest() {
-                Some(Origin::Program { text, source_line, .. }) if text == "M0" => {
-                    format!("PROGRAM_STOP: resume to go on (line {source_line})")
+                Some(Origin::Program { text, source_line, events, .. }) if text == "M0" => {
+                    let message = match &self.phase {
+                        Phase::Running(run) => run.message_before(*events),
+                        _ => None,
+                    };
+                    let message = message.map_or_else(String::new, |text| format!("{text}; "));
+                    format!("PROGRAM_STOP: {message}resume to go on (line {source_line})")
                 }
                 _ => "FEED_HOLD".into(),
             },

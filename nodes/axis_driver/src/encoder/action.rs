@@ -16,6 +16,10 @@ const DWELL_S_MAX: f64 = 86_400.0;
 impl Encoder {
     pub(super) fn encode_action(&mut self, event: &PathEvent) -> Result<(), EncodeProblem> {
         let source = event.source;
+        // The driver shows it when it is reached.
+        if matches!(event.action, Action::Message { .. }) {
+            return Ok(());
+        }
         self.refuse_after_end(&event.action.text())?;
         if !matches!(event.action, Action::SelectTool { .. }) {
             self.push_speed()?;
@@ -34,7 +38,7 @@ impl Encoder {
             }
             Action::Coolant(mode) => self.encode_coolant(mode, source),
             // grbl keeps no tool; the number comes with the change.
-            Action::SelectTool { .. } => Ok(()),
+            Action::SelectTool { .. } | Action::Message { .. } => Ok(()),
             Action::ChangeTool { tool } => {
                 self.push_action("M5".into(), LineKind::Slow, false, source)?;
                 let source_line = source.line;
@@ -284,7 +288,8 @@ impl Encoder {
     ) -> Result<(), EncodeProblem> {
         let source_line = source.line;
         let role = Role::None;
-        self.push(EncodedLine { text, kind, is_alone, element: None, source_line, role })
+        let events = self.next_event;
+        self.push(EncodedLine { text, kind, is_alone, element: None, source_line, role, events })
     }
 
     /// What the words before an element have set, sent anew when a run begins there.

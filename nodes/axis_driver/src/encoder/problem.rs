@@ -1,6 +1,6 @@
 //! Why a path cannot be sent: with the source line, the numbers and what is allowed.
 
-use cnc_msgs::contour::Source;
+use cnc_msgs::contour::{Source, work_system};
 use cnc_msgs::geometry::Position;
 
 /// Why a path cannot be sent to this controller.
@@ -41,7 +41,7 @@ pub enum EncodeProblem {
          before it"
     )]
     UnknownStart { axes: String, since: String },
-    #[error("work system {system} does not exist: 1 to 6 are G54 to G59")]
+    #[error("{} is not supported: the driver knows the offsets of G54 to G59", work_system(*system))]
     WorkOffset { system: u8 },
     #[error("this controller has no {word}")]
     Unsupported { word: String },

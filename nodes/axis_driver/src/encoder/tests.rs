@@ -7,6 +7,7 @@ use super::*;
 use cnc_msgs::contour::{Action, CoolantMode};
 use cnc_msgs::geometry::Arc;
 use cnc_msgs::path::{PastEnd, PathEvent, StartInSpan};
+use cnc_msgs::text::Words;
 
 fn source(line: u32) -> Source {
     Source { line, ..Source::default() }
@@ -233,7 +234,10 @@ fn what_the_build_or_the_operator_allows_is_sent() {
 #[test]
 fn what_grbl_cannot_do_is_refused_with_its_line() {
     for (action, wanted) in [
-        (Action::Auxiliary { letter: 'M', number: 62.0 }, "line 7: this controller has no M62"),
+        (
+            Action::Auxiliary { letter: 'M', number: 62.0, words: Words::EMPTY },
+            "line 7: this controller has no M62",
+        ),
         (
             Action::Coolant(CoolantMode::Mist),
             "line 7: this controller has no mist coolant (M7): its firmware is built without",
@@ -248,7 +252,7 @@ fn what_grbl_cannot_do_is_refused_with_its_line() {
         ),
         (
             Action::WorkOffset { system: 7 },
-            "line 7: work system 7 does not exist: 1 to 6 are G54 to G59",
+            "line 7: G59.1 is not supported: the driver knows the offsets of G54 to G59",
         ),
         (
             Action::SetWorkOffset {

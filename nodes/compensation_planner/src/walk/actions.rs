@@ -51,7 +51,10 @@ impl Walk<'_> {
                 if is_refused && matches!(action, Action::ChangeTool { .. }) {
                     self.refused_tool = Some(source);
                 }
-                active.between.block(source);
+                // A comment is no block between two moves.
+                if !matches!(action, Action::Message { .. }) {
+                    active.between.block(source);
+                }
                 active.push_item(source, ItemKind::Action(action));
             }
         }
@@ -119,7 +122,12 @@ impl Walk<'_> {
     }
 
     fn with_length(&mut self, action: Action, source: Source) -> Action {
-        let Action::ToolLength { offset: Some(number), .. } = action else { return action };
+        let Action::ToolLength { offset: Some(number), length_mm: added_mm } = action else {
+            return action;
+        };
+        if number == 0 {
+            return action;
+        }
         let length_mm = match self.tools.tools.get(&number) {
             Some(tool) => tool.length_mm,
             None => {
@@ -132,6 +140,6 @@ impl Walk<'_> {
                 0.0
             }
         };
-        Action::ToolLength { offset: Some(number), length_mm }
+        Action::ToolLength { offset: Some(number), length_mm: length_mm + added_mm }
     }
 }

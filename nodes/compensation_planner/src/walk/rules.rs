@@ -204,7 +204,7 @@ impl Rules<'_> {
             strictness: self.profile.forbidden_under_compensation.strictness,
         };
         match action {
-            Action::ProgramEnd { .. } => false,
+            Action::ProgramEnd { .. } | Action::Message { .. } => false,
             Action::WorkOffset { .. }
             | Action::SetWorkOffset { .. }
             | Action::Reference { .. }

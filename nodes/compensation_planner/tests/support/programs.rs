@@ -13,6 +13,7 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{Dialect, Profile};
+use cnc_msgs::text::Words;
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use compensation_planner::Plan;
 use path_audit::audit_after;
@@ -188,7 +189,7 @@ impl Reader {
                 ('M', 3) => Action::Spindle(SpindleMode::Clockwise),
                 ('M', 5) => Action::Spindle(SpindleMode::Off),
                 ('M', 8) => Action::Coolant(CoolantMode::Flood),
-                ('H', _) => Action::Auxiliary { letter, number: value },
+                ('H', _) => Action::Auxiliary { letter, number: value, words: Words::EMPTY },
                 ('M', 0 | 2 | 30) => {
                     last.push(match value as u32 {
                         0 => Action::Stop { optional: false },
@@ -196,7 +197,7 @@ impl Reader {
                     });
                     continue;
                 }
-                ('M', _) => Action::Auxiliary { letter, number: value },
+                ('M', _) => Action::Auxiliary { letter, number: value, words: Words::EMPTY },
                 _ => continue,
             };
             push(ContourEventKind::Action(action));

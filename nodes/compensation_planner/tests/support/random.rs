@@ -8,6 +8,7 @@ use cnc_msgs::contour::{
 use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
 use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{Profile, Reaction, Strictness};
+use cnc_msgs::text::Words;
 use compensation_planner::Plan;
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -118,7 +119,7 @@ pub fn random_contour(
         at = end;
         for number in 0..u32::from(step.aux.saturating_sub(3)) {
             let number = f64::from(number + 10 * index as u32);
-            let action = Action::Auxiliary { letter: 'M', number };
+            let action = Action::Auxiliary { letter: 'M', number, words: Words::EMPTY };
             push(&mut contour, ContourEventKind::Action(action), (number as u32).is_multiple_of(2));
         }
     }

@@ -19,7 +19,7 @@ pub(super) const DOMAINS: std::ops::RangeInclusive<u16> = 215..=232;
 /// for silent.
 const POLL_INTERVAL_MS: i64 = 500;
 /// Parameters that depend on this computer, not on the recorded one.
-const OWN: [&str; 13] = [
+const OWN: [&str; 14] = [
     "port",
     "dtr",
     "rts",
@@ -29,6 +29,7 @@ const OWN: [&str; 13] = [
     "program_directories",
     // What was read from them is in the recorded program.
     "subroutine_directories",
+    "parameter_file",
     "control_directories",
     "report_directory",
     "memory_mb_max",

@@ -5,7 +5,9 @@
 //! rejected by name.
 
 use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
-use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
+use super::{
+    ApproachWords, Dialect, Distance, GWord, Group, LengthWord, Letters, MWord, Mode, Units,
+};
 use crate::block::LexerRules;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
@@ -63,7 +65,7 @@ fn g(tenths: u16) -> GWord {
         400 => GWord::CompensationOff,
         410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
         420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
-        430 => GWord::LengthOn,
+        430 => GWord::Length(LengthWord::Tool),
         440 => GWord::Refused("enter the length with its sign and use G43"),
         490 => GWord::LengthOff,
         500 | 510 | 680 | 690 => GWord::Refused(SCALE),

@@ -1,8 +1,8 @@
 //! RS-274/NGC as in LinuxCNC, or as in grbl where LinuxCNC leaves a choice.
 
 use super::{
-    ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, Letters, MWord, Mode,
-    OffsetWord, StateWord, Units,
+    ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, LengthWord, Letters, MWord,
+    Mode, OffsetWord, Spline, StateWord, Units,
 };
 use crate::block::LexerRules;
 use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
@@ -22,7 +22,7 @@ pub(super) static DIALECT: Dialect = Dialect {
     g,
     m,
     plane: Plane::Xy,
-    letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
+    letters: Letters::of(b"XYZIJKRFSTDHLPQE"),
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     approach: ApproachWords::None,
@@ -33,28 +33,29 @@ pub(super) static DIALECT: Dialect = Dialect {
 };
 
 pub(super) const CYCLE: &str = "post the program with canned cycles expanded to G0 and G1";
-pub(super) const NURBS: &str = "post curves as G1, G2 and G3";
 pub(super) const PROBE: &str = "probe with the probe action, outside part programs";
 pub(super) const THREAD: &str =
     "the spindle and the axes are not synchronised; thread on a lathe control";
 pub(super) const OFFSETS: &str = "set offsets on the machine and select them with G54 to G59";
 pub(super) const FEED_MODE: &str = "post feeds in mm/min or inch/min (G94)";
 pub(super) const CONSTANT_SPEED: &str = "post spindle speeds in 1/min (G97)";
-pub(super) const LENGTH: &str = "put lengths into the tool table and use G43 H";
 
 fn g(tenths: u16) -> GWord {
     match tenths {
-        430 => GWord::LengthOn,
+        430 => GWord::Length(LengthWord::Tool),
         411 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: true },
         421 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: true },
-        50..=53 => GWord::RefusedMotion(NURBS),
+        50 => GWord::Motion(Mode::Spline(Spline::Cubic)),
+        51 => GWord::Motion(Mode::Spline(Spline::Quadratic)),
+        52 => GWord::Motion(Mode::Spline(Spline::Open)),
+        53 => GWord::Motion(Mode::Spline(Spline::Close)),
         70 => GWord::Diameter(true),
         80 => GWord::Diameter(false),
         100 => GWord::Offset(OffsetWord::Set),
         281 => GWord::Offset(OffsetWord::StoreReference { second: false }),
         301 => GWord::Offset(OffsetWord::StoreReference { second: true }),
         520 => GWord::Offset(OffsetWord::Local),
-        591..=593 => GWord::Refused("use G54 to G59"),
+        591..=593 => GWord::WorkOffset((tenths - 584) as u8),
         920 => GWord::Offset(OffsetWord::Axis),
         921 => GWord::Offset(OffsetWord::AxisOff { keeps: false }),
         922 => GWord::Offset(OffsetWord::AxisOff { keeps: true }),
@@ -78,7 +79,8 @@ fn g(tenths: u16) -> GWord {
         980 => GWord::Retract { to_r: false },
         990 => GWord::Retract { to_r: true },
         330 | 331 => GWord::RefusedMotion(THREAD),
-        431 | 432 => GWord::Refused(LENGTH),
+        431 => GWord::Length(LengthWord::Given),
+        432 => GWord::Length(LengthWord::Added),
         _ => common(tenths),
     }
 }
@@ -106,7 +108,7 @@ pub(super) fn common(tenths: u16) -> GWord {
         400 => GWord::CompensationOff,
         410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
         420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
-        430 => GWord::LengthOn,
+        430 => GWord::Length(LengthWord::Tool),
         490 => GWord::LengthOff,
         530 => GWord::MachineCoordinates,
         540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),
@@ -129,7 +131,8 @@ pub(super) fn common(tenths: u16) -> GWord {
 
 fn m(number: u16) -> MWord {
     match number {
-        48 | 49 | 100..=199 => MWord::Auxiliary { after_motion: false },
+        19 | 48..=53 | 62..=68 | 100..=199 => MWord::Machine,
+        61 => MWord::NameTool,
         60 => MWord::Stop { optional: false },
         70 => MWord::State(StateWord::Save { returns: false }),
         71 => MWord::State(StateWord::Forget),
@@ -200,6 +203,7 @@ mod tests {
                 GWord::Unknown => None,
                 GWord::Accepted(..) => Some("no effect"),
                 GWord::Refused(_) | GWord::RefusedMotion(_) => Some("refused"),
+                GWord::WorkOffset(7..) => Some("passed on"),
                 _ => Some("done"),
             };
             assert_eq!(row(&page, tenths), becomes, "G{}", f64::from(tenths) / 10.0);
@@ -208,7 +212,7 @@ mod tests {
         for number in 0..=999 {
             let becomes = match m(number) {
                 MWord::Unknown => None,
-                MWord::Auxiliary { .. } => Some("passed on"),
+                MWord::Machine => Some("passed on"),
                 MWord::Refused(_) => Some("refused"),
                 _ => Some("done"),
             };

@@ -10,9 +10,11 @@ use crate::limits::{
 use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, RadiusSource, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::text::Words;
 
-/// The words of the work systems 1 to 6.
-const WORK_SYSTEMS: [&str; 6] = ["G54", "G55", "G56", "G57", "G58", "G59"];
+/// The words of the work systems.
+const WORK_SYSTEMS: [&str; 9] =
+    ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
 
 impl Interpreter<'_> {
     /// F.
@@ -60,7 +62,8 @@ impl Interpreter<'_> {
         if !auxiliary.is_empty() {
             for letter in auxiliary.iter() {
                 if let Some(number) = self.take_within(scene, letter, 1.0, NUMBER_MAX, "") {
-                    self.act(Action::Auxiliary { letter: char::from(letter), number });
+                    let letter = char::from(letter);
+                    self.act(Action::Auxiliary { letter, number, words: Words::EMPTY });
                 }
             }
         }
@@ -115,7 +118,7 @@ impl Interpreter<'_> {
         // One kind after the other, in a fixed order.
         for kind in 0..3 {
             let mut next = 0;
-            while let Some((meaning, number, _)) = self.request.m_at(next) {
+            while let Some((meaning, number, at)) = self.request.m_at(next) {
                 next += 1;
                 match (kind, meaning) {
                     (0, MWord::Spindle(mode)) => {
@@ -130,17 +133,25 @@ impl Interpreter<'_> {
                         self.act(Action::Coolant(mode));
                     }
                     (2, MWord::Auxiliary { after_motion: false }) => {
-                        self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
+                        self.act_auxiliary(number);
                     }
+                    (2, MWord::Machine) => self.machine_word(scene, number, at),
+                    (2, MWord::NameTool) => self.name_tool(scene, at),
                     _ => {}
                 }
             }
         }
     }
 
+    fn act_auxiliary(&mut self, number: u16) {
+        let number = f64::from(number);
+        self.act(Action::Auxiliary { letter: 'M', number, words: Words::EMPTY });
+    }
+
     fn change_tool(&mut self, scene: &mut Scene<'_>, at: usize) {
         if let Some(tool) = self.modal.selected_tool {
             self.modal.spindle_tool = Some(tool);
+            self.modal.is_tool_named = false;
             // The change stops the spindle.
             self.modal.spindle = SpindleMode::Off;
             self.act(Action::ChangeTool { tool });
@@ -159,9 +170,7 @@ impl Interpreter<'_> {
         while let Some((meaning, number, _)) = self.request.m_at(next) {
             next += 1;
             match meaning {
-                MWord::Auxiliary { after_motion: true } => {
-                    self.act(Action::Auxiliary { letter: 'M', number: f64::from(number) });
-                }
+                MWord::Auxiliary { after_motion: true } => self.act_auxiliary(number),
                 MWord::Stop { .. } | MWord::ProgramEnd { .. } if self.stop(meaning) => {
                     after = After::End;
                 }
@@ -229,49 +238,7 @@ impl Interpreter<'_> {
         scene.findings.push(Finding::warning(Code::SuspiciousValue, source, message).help(help));
     }
 
-    /// G43 and G49. The planner fills in the length itself.
-    #[inline]
-    pub(super) fn tool_length(&mut self, scene: &mut Scene<'_>) {
-        match self.request.g(Group::Length) {
-            None => {}
-            Some((GWord::LengthOn, at)) => self.length_on(scene, at),
-            Some(_) => {
-                self.act(Action::ToolLength { offset: None, length_mm: 0.0 });
-                self.change_length(None, "G49");
-            }
-        }
-    }
-
-    fn length_on(&mut self, scene: &mut Scene<'_>, at: usize) {
-        let offset = if self.request.present.contains(b'H') {
-            let Some(offset) = self.take_number(scene, b'H') else { return };
-            if offset == 0 {
-                let message = "G43 H0 has a different meaning on each control".to_owned();
-                let help = "write G49 to cancel the length offset, or H with the number of a tool";
-                return self.report(scene, b'H', Code::BadNumber, message, help);
-            }
-            offset
-        } else if let Some(tool) = self.modal.spindle_tool {
-            // LinuxCNC: without H, the tool in the spindle.
-            tool
-        } else {
-            let message = "G43 without H, and no M6 has put in a tool".to_owned();
-            let help = "write H with the number of the tool";
-            return self.report_at(scene, at, Code::MissingWord, message, help);
-        };
-        self.act(Action::ToolLength { offset: Some(offset), length_mm: 0.0 });
-        self.change_length(Some(offset), "G43");
-    }
-
-    /// Changes the length offset; it moves the work frame along Z by a length of the tool table.
-    pub(super) fn change_length(&mut self, offset: Option<u32>, word: &'static str) {
-        if self.modal.length != offset {
-            self.modal.length = offset;
-            self.axes.lose(AxisSet::NONE.with(2), Cause { source: self.source, word });
-        }
-    }
-
-    /// G54 to G59.
+    /// G54 to G59.3.
     #[inline]
     pub(super) fn work_offset(&mut self) {
         if let Some((GWord::WorkOffset(system), _)) = self.request.g(Group::WorkOffset) {
@@ -283,7 +250,7 @@ impl Interpreter<'_> {
         self.act(Action::WorkOffset { system });
         if self.modal.work_offset != system {
             self.modal.work_offset = system;
-            let word = WORK_SYSTEMS[usize::from(system.clamp(1, 6) - 1)];
+            let word = WORK_SYSTEMS[usize::from(system.clamp(1, 9) - 1)];
             self.axes.lose(AxisSet::ALL, Cause { source: self.source, word });
         }
     }

@@ -44,8 +44,7 @@ impl Interpreter<'_> {
         center[second] = resolved.center[1];
         let turns = turns - u16::from(!resolved.is_full_circle);
         let arc = Arc { center, plane, clockwise, turns };
-        self.bounds.add_arc(start, end.position, &arc);
-        self.bounds.add_end(end.position, end.named);
+        self.add_to_bounds(start, Shape::Arc(arc), end.position, end.named);
         self.feed_of_length(MotionClass::Feed, || arc::length(start, end.position, &arc));
         // An arc determines both axes of its plane, even if it names one or none.
         let axes = end.named.union(in_plane);

@@ -345,10 +345,8 @@ impl Interpreter<'_> {
             }
             RadiusWord::Tool => {
                 // LinuxCNC: no D, and D0, mean the tool in the spindle.
-                let radius = match self.take_number(scene, b'D') {
-                    None | Some(0) => RadiusSource::SpindleTool,
-                    Some(tool) => RadiusSource::Tool(tool),
-                };
+                let tool = self.take_number(scene, b'D').filter(|&tool| tool > 0);
+                let radius = self.radius_of(scene, tool, at);
                 self.emit(ContourEventKind::Radius(radius));
             }
         }

@@ -388,7 +388,7 @@ impl Interpreter<'_> {
             return;
         }
         self.axes.position = end;
-        self.bounds.add_end(end, axes);
+        self.add_to_bounds(from, Shape::Line, end, axes);
         self.emit_motion(Shape::Line, end, class, axes);
     }
 }

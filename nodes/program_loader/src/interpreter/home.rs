@@ -38,7 +38,7 @@ impl Interpreter<'_> {
         }
         if arrives && is_sound {
             if !via.named.is_empty() {
-                self.bounds.add_end(via.position, via.named);
+                self.add_to_bounds(via.position, Shape::Line, via.position, via.named);
                 self.emit_motion(Shape::Line, via.position, MotionClass::Rapid, via.named);
             }
             self.act(Action::Reference { axes: named, second });

@@ -6,7 +6,7 @@
 use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
 use crate::block::Word;
-use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode};
+use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode, Spline};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
 use cnc_msgs::finding::{Code, Finding};
@@ -29,6 +29,12 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn motion(&mut self, scene: &mut Scene<'_>) {
         let word = self.request.g(Group::Motion);
+        if self.request.polar != [None; 2] {
+            self.polar_words(scene, self.request.polar);
+        }
+        if self.open_curve.is_some() {
+            self.check_open_curve(scene);
+        }
         if self.request.g(Group::CycleCancel).is_some() {
             // It ends a cycle that was rejected: the moves after it are unknown, too.
             self.modal.mode = None;
@@ -38,6 +44,9 @@ impl Interpreter<'_> {
             Some((GWord::Motion(mode), _)) => {
                 if !matches!(mode, Mode::Cycle(_)) {
                     self.end_cycles();
+                }
+                if mode != Mode::Spline(Spline::Cubic) {
+                    self.last_cubic = None;
                 }
                 self.modal.mode = Some(mode);
                 self.modal.mode_is_poisoned = false;
@@ -64,11 +73,17 @@ impl Interpreter<'_> {
         if self.only_sets_offsets() {
             return;
         }
+        self.check_rotation(scene);
         if let Some((GWord::Reference { second }, at)) = self.request.g(Group::NonModal) {
             return self.reference(scene, second, at);
         }
         if let Some((_, at)) = self.request.g(Group::MachineCoordinates) {
             return self.machine_move(scene, at);
+        }
+        if let Some(Mode::Spline(spline)) = self.modal.mode
+            && (word.is_some() || has_axes)
+        {
+            return self.spline(scene, spline);
         }
         let is_arc = matches!(self.modal.mode, Some(Mode::Arc { .. }));
         let has_circle = is_arc && self.asks_for_circle(word.is_some());
@@ -107,6 +122,8 @@ impl Interpreter<'_> {
             Some(Mode::Feed) => self.straight(scene, MotionClass::Feed),
             Some(Mode::Arc { clockwise }) => self.arc(scene, clockwise),
             Some(Mode::Cycle(cycle)) => self.cycle(scene, cycle),
+            // They have been followed above.
+            Some(Mode::Spline(_)) => {}
             Some(Mode::Polar { rapid }) => {
                 self.polar(scene, if rapid { MotionClass::Rapid } else { MotionClass::Feed });
             }
@@ -176,7 +193,7 @@ impl Interpreter<'_> {
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {
             self.feed_of_length(class, || distance(from, end.position));
-            self.bounds.add_end(end.position, end.named);
+            self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, class, end.named);
         }
     }
@@ -200,6 +217,7 @@ impl Interpreter<'_> {
             }
             _ => 0.0,
         };
+        let (shape, end, axes) = self.rotated(shape, end, axes);
         self.emit(ContourEventKind::Motion(Motion { shape, end, class, feed_mm_per_min, axes }));
     }
 

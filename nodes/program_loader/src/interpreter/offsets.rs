@@ -6,10 +6,13 @@
 
 use super::axes::Cause;
 use super::{Interpreter, Scene};
-use crate::dialect::{Distance, GWord};
+use crate::dialect::{Distance, GWord, Group, LengthWord};
 use cnc_msgs::contour::Action;
 use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{AxisSet, Position};
+
+/// The largest rotation, degrees.
+const DEGREES_MAX: f64 = 36_000.0;
 
 /// What a G word does to the zero of the program or to the machine's offsets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +64,7 @@ impl Interpreter<'_> {
                 return;
             }
             OffsetWord::StoreReference { second } => {
+                self.store_reference(second);
                 return self.act(Action::StoreReference { second });
             }
         }
@@ -102,17 +106,20 @@ impl Interpreter<'_> {
 
     /// G10 L2 and L20.
     fn set_work_offset(&mut self, scene: &mut Scene<'_>, at: usize) {
-        let (named, values) = self.axis_values(scene);
         let mode = self.take_number(scene, b'L');
         let system = self.take_number(scene, b'P');
-        let turn = self.take(b'R').filter(|&angle| angle != 0.0);
+        if let Some(mode @ (1 | 10 | 11)) = mode {
+            return self.set_tool(scene, mode, system, at);
+        }
+        let (named, values) = self.axis_values(scene);
+        let turn = self.take_within(scene, b'R', 1.0, DEGREES_MAX, "degrees");
         let by_position = match mode {
             Some(2) => false,
             Some(20) => true,
-            Some(0 | 1 | 10 | 11) => {
+            Some(0) => {
                 self.request.has_refused_word = true;
-                let message = "G10 must not change the tool table".to_owned();
-                let help = "change the tool table of the planner (set_tool, or its file)";
+                let message = "G10 L0 reads the tool table anew".to_owned();
+                let help = "delete it: the planner always has the newest table";
                 return self.report(scene, b'L', Code::Unsupported, message, help);
             }
             Some(other) => {
@@ -126,11 +133,6 @@ impl Interpreter<'_> {
                 return self.report_at(scene, at, Code::MissingWord, message, help);
             }
         };
-        if turn.is_some() {
-            let help = "rotate the program in the CAM system";
-            let message = "a rotated work system is not supported".to_owned();
-            return self.report(scene, b'R', Code::Unsupported, message, help);
-        }
         let Some(system) = system else {
             if !self.request.present.contains(b'P') {
                 let message = "G10 without P".to_owned();
@@ -139,22 +141,38 @@ impl Interpreter<'_> {
             }
             return;
         };
-        if system > 6 {
+        if system > 9 {
             let message = format!("there is no work system {system}");
             let help = "write P0 to P9";
             return self.report(scene, b'P', Code::BadNumber, message, help);
         }
-        if self.request.is_damaged || named.is_empty() {
-            return;
-        }
         let active = u32::from(self.modal.work_offset);
         let system = if system == 0 { active } else { system };
+        if by_position && self.request.present.contains(b'R') {
+            let message = "G10 L20 does not take R".to_owned();
+            return self.report(scene, b'R', Code::Syntax, message, "rotate with G10 L2");
+        }
+        if by_position && self.is_rotated(self.modal.work_offset) && !named.is_empty() {
+            let message = "G10 L20 in a rotated work system".to_owned();
+            let help = "end the rotation with G10 L2 P0 R0 before it, or write G10 L2";
+            return self.report(scene, b'L', Code::Unsupported, message, help);
+        }
+        if self.request.is_damaged {
+            return;
+        }
+        if let Some(degrees) = turn {
+            self.set_rotation(scene, system as u8, degrees);
+        }
+        if named.is_empty() {
+            return;
+        }
         let mut origin = [0.0; 3];
         for axis in (0..3).filter(|&axis| named.contains(axis)) {
             let shift = if by_position { self.modal.shift[axis] } else { 0.0 };
             origin[axis] = values[axis] + shift;
         }
         self.act(Action::SetWorkOffset { system: system as u8, axes: named, origin, by_position });
+        self.store_offset(system, named, (!by_position).then_some(origin));
         if system == active {
             self.axes.lose(named, Cause { source: self.source, word: "G10" });
         }
@@ -162,9 +180,14 @@ impl Interpreter<'_> {
 
     /// Whether the block only names axes for an offset.
     pub(super) fn only_sets_offsets(&self) -> bool {
-        matches!(
-            self.request.g(crate::dialect::Group::NonModal),
-            Some((GWord::Offset(word), _)) if word.names_axes()
-        )
+        let sets_length = matches!(
+            self.request.g(Group::Length),
+            Some((GWord::Length(LengthWord::Given | LengthWord::Added), _))
+        );
+        sets_length
+            || matches!(
+                self.request.g(Group::NonModal),
+                Some((GWord::Offset(word), _)) if word.names_axes()
+            )
     }
 }

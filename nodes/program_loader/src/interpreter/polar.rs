@@ -86,7 +86,7 @@ impl Interpreter<'_> {
         end.position[v] = pole[1] + radius_mm * sin;
         let is_sound = self.relies(scene, end.relative) & self.has_feed(scene, class);
         if self.arrive(&end) && is_sound {
-            self.bounds.add_end(end.position, end.named);
+            self.add_to_bounds(end.position, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, class, end.named);
         }
     }

@@ -3,6 +3,7 @@
 //! Knows which words exclude each other in a block, but not what they do.
 
 use super::Scene;
+use super::polar_words::PolarWords;
 use super::refusals::{Elsewhere, of_g, of_m};
 use crate::block::Word;
 use crate::dialect::{GWord, Group, Letters, MWord, automation1};
@@ -34,6 +35,7 @@ pub(super) struct Request {
     pub(super) has_refused_code: bool,
     /// Words whose letters have no meaning, or occur a second time.
     pub(super) doubtful: Vec<usize>,
+    pub(super) polar: PolarWords,
     /// Axes that the machine does not have, and that a warning has named.
     pub(super) idle_axes: Vec<char>,
 }
@@ -55,6 +57,7 @@ impl Default for Request {
             has_refused_word: false,
             has_refused_code: false,
             doubtful: Vec::new(),
+            polar: [None; 2],
             idle_axes: Vec::new(),
         }
     }
@@ -71,11 +74,15 @@ impl Request {
         self.has_refused_word = scene.block.is_damaged;
         self.has_refused_code = false;
         self.doubtful.clear();
+        self.polar = [None; 2];
         for at in 0..scene.block.words.len() {
             let word = scene.block.words[at];
             match word.letter {
                 b'G' => self.g_word(scene, word, at),
                 b'M' => self.m_word(scene, word, at),
+                b'@' | b'^' if scene.rules.dialect.lexer.parameters => {
+                    self.polar_word(scene, word, at);
+                }
                 b'@' if scene.rules.dialect.lexer.calls => self.called(scene, word, at),
                 b'@' => self.at_word(scene, word, at),
                 _ => self.value_word(scene, word, at),
@@ -84,6 +91,24 @@ impl Request {
         if !self.doubtful.is_empty() {
             self.doubtful_words(scene);
         }
+    }
+
+    /// `@` or `^`.
+    #[cold]
+    fn polar_word(&mut self, scene: &mut Scene<'_>, word: Word, at: usize) {
+        let place = &mut self.polar[usize::from(word.letter == b'^')];
+        if place.is_some() {
+            let message = format!("{} twice in one block", char::from(word.letter));
+            return self.refuse(scene, at, Code::ModalConflict, message, "write two blocks");
+        }
+        *place = Some((word.value, at));
+    }
+
+    /// Gives a letter that the block does not have a value, from the word at an index.
+    pub(super) fn set(&mut self, letter: u8, value: f64, at: usize) {
+        self.present = self.present.union(Letters::of(&[letter]));
+        self.values[usize::from(letter - b'A')] = value;
+        self.words[usize::from(letter - b'A')] = at as u8;
     }
 
     /// Whether the block has only axis words, F and a motion word.
@@ -301,7 +326,9 @@ fn excludes(one: MWord, other: MWord) -> bool {
             MWord::Stop { .. } | MWord::ProgramEnd { .. },
             MWord::Stop { .. } | MWord::ProgramEnd { .. },
         )
-        | (MWord::Spindle(_), MWord::Spindle(_)) => true,
+        | (MWord::Spindle(_), MWord::Spindle(_))
+        | (MWord::ChangeTool, MWord::NameTool)
+        | (MWord::NameTool, MWord::ChangeTool) => true,
         (MWord::Coolant(one), MWord::Coolant(other)) => {
             one == CoolantMode::Off || other == CoolantMode::Off
         }

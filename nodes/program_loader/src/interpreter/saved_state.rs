@@ -1,10 +1,12 @@
 //! M70, M71, M72 and M73: the words in force are saved, and said again later.
 //!
 //! Saved are those that LinuxCNC saves: units, plane, distances, feed mode and feed, work system,
-//! whether G92 and G52 act, tool length, spindle and coolant, and where cycles end. Cutter radius
+//! whether G92 and G52 act, tool length, spindle and coolant, overrides, and where cycles end. Cutter radius
 //! compensation is not switched by restoring: that is an error. M73 in a subroutine restores by
 //! itself at its end.
 
+use super::machine_words::Overrides;
+use super::tool_lengths::Length;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, FeedMode, Units};
 use crate::findings::Findings;
@@ -47,8 +49,9 @@ pub(super) struct SavedState {
     flood: bool,
     returns_to_r: bool,
     is_shifted: bool,
-    length: Option<u32>,
+    length: Option<Length>,
     side: Option<CutterSide>,
+    overrides: Overrides,
 }
 
 impl Interpreter<'_> {
@@ -114,6 +117,7 @@ impl Interpreter<'_> {
             is_shifted: modal.shift != [0.0; 3],
             length: modal.length,
             side: modal.compensation.side(),
+            overrides: modal.overrides,
         }
     }
 
@@ -145,6 +149,7 @@ impl Interpreter<'_> {
                 }
             }
         }
+        self.restore_overrides(saved.overrides);
         let modal = &mut self.modal;
         modal.distance = saved.distance;
         modal.centers = saved.centers;
@@ -163,8 +168,7 @@ impl Interpreter<'_> {
         }
         if self.modal.length != saved.length {
             let word = if saved.length.is_some() { "G43" } else { "G49" };
-            self.act(Action::ToolLength { offset: saved.length, length_mm: 0.0 });
-            self.change_length(saved.length, word);
+            self.set_length(saved.length, word);
         }
         true
     }

@@ -17,9 +17,15 @@ const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 7] = [
     (5021..=5029, "a position in machine coordinates, which is known only while the machine runs"),
     (5061..=5070, "the result of a probe, and no probe has been run"),
     (5081..=5089, "a tool length, which the loader does not know"),
-    (5161..=5199, "a stored position of the machine, which is known only there"),
-    (5221..=5390, "a work offset of the machine, which is known only there"),
-    (5399..=5399, "the result of M66, which is not supported"),
+    (
+        5161..=5199,
+        "a stored position of the machine, which is known only there or from a parameter file",
+    ),
+    (
+        5221..=5390,
+        "a work offset of the machine, which is known only there or from a parameter file",
+    ),
+    (5399..=5399, "the result of M66, which is known only while the machine runs"),
     (5401..=5413, "an entry of the tool table, which the loader does not know"),
 ];
 
@@ -28,6 +34,9 @@ impl Interpreter<'_> {
     pub(crate) fn system_number(&self, number: u32) -> Value {
         if number < 5000 {
             return None;
+        }
+        if let Some(&value) = self.stored.get(&number) {
+            return Some(Ok(value));
         }
         if let Some((_, what)) = ON_THE_MACHINE.iter().find(|(range, _)| range.contains(&number)) {
             return Some(Err(Trouble::NotHere { what: (*what).to_owned() }));
@@ -85,8 +94,10 @@ impl Interpreter<'_> {
             "_spindle_cw" => is(modal.spindle == SpindleMode::Clockwise),
             "_mist" => is(modal.mist),
             "_flood" => is(modal.flood),
-            "_speed_override" | "_feed_override" => is(true),
-            "_adaptive_feed" | "_feed_hold" => is(false),
+            "_speed_override" => is(modal.overrides.speed),
+            "_feed_override" => is(modal.overrides.feed),
+            "_adaptive_feed" => is(modal.overrides.adapts),
+            "_feed_hold" => is(modal.overrides.may_hold),
             "_feed" => Some(Ok(modal.programmed_feed)),
             "_rpm" => Some(Ok(modal.rpm)),
             "_x" => Some(self.position_of(0)),
@@ -147,6 +158,7 @@ impl Interpreter<'_> {
             Some(Mode::Arc { clockwise: true }) => 20.0,
             Some(Mode::Arc { clockwise: false }) => 30.0,
             Some(Mode::Cycle(cycle)) => f64::from(cycle.number()) * 10.0,
+            Some(Mode::Spline(spline)) => spline.number(),
         }
     }
 }

@@ -136,7 +136,7 @@ fn text_that_is_not_a_word_is_rejected_at_its_place() {
         ("$H", "", "unsupported 1+2"),
         ("G1\rX1", "G1@0..2", "syntax 3+1"),
         ("G1\0X1", "G1@0..2", "syntax 3+1"),
-        ("G1 @714", "G1@0..2", "syntax 4+1"),
+        ("G1 @x", "G1@0..2 @NaN@3..4 XNaN@4..5", "bad_number 4+1"),
     ] {
         let (seen, _, seen_found) = lex(text, Dialect::Rs274);
         assert_eq!((seen.as_str(), seen_found[0].as_str()), (words, found), "{text:?}");

@@ -38,6 +38,14 @@ pub fn parameters() -> Vec<Declared> {
         )
         .read_only(),
         Declared::new(
+            "parameter_file",
+            "",
+            "file with the values of numbered parameters that every program begins with, as \
+             LinuxCNC writes it (a number and a value in each line); it is never written; empty: \
+             none",
+        )
+        .read_only(),
+        Declared::new(
             "executed_blocks_max",
             FlowLimits::default().blocks_max as i64,
             "blocks that a program with loops and subroutines may execute",

@@ -138,7 +138,7 @@ impl ProgramRun {
         if let Some(code) = error {
             let text = codes::describe_error(context.machine.firmware, code);
             let message = match &origin {
-                Origin::Program { text: line, source_line, element } => {
+                Origin::Program { text: line, source_line, element, .. } => {
                     self.job.blamed_line = *source_line;
                     let place = self.job.place_of_line(*source_line, *element);
                     format!("{place}: the controller refused {line:?}: {text}")
@@ -194,6 +194,7 @@ impl ProgramRun {
         let is_check = context.machine.is_state(&ControllerState::Check);
         let is_idle = is_check || context.machine.is_state(&ControllerState::Idle);
         self.job.track(context);
+        self.show_messages(context);
         match &self.stage {
             _ if context.machine.is_state(&ControllerState::Alarm) => {
                 let text = "the controller is in alarm";
@@ -222,6 +223,7 @@ impl ProgramRun {
                 let then = then.clone();
                 self.job.tracker.on_all_done();
                 context.machine.line = self.job.line();
+                self.show_messages(context);
                 if let Some(exit) = self.follow(context, then) {
                     return Some(exit);
                 }
@@ -267,6 +269,7 @@ impl ProgramRun {
             let text = "the controller has read every line; nothing moved";
             return Exit::Stop(RunVerdict::succeeded(text));
         }
+        self.show_last_messages(context);
         let events = &self.job.request.path.events;
         // The end of the program selects the first work system; tool lengths stay.
         if matches!(events.last().map(|event| event.action), Some(Action::ProgramEnd { .. })) {

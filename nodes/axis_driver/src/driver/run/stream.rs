@@ -90,11 +90,11 @@ impl ProgramRun {
                 {
                     self.job.has_sent = true;
                     self.is_alone = line.is_alone;
-                    let EncodedLine { text, kind, element, source_line, .. } = line;
+                    let EncodedLine { text, kind, element, source_line, events, .. } = line;
                     context.link.send_line(
                         &text.clone(),
                         kind,
-                        Origin::Program { text, source_line, element },
+                        Origin::Program { text, source_line, element, events },
                     );
                     if self.is_alone {
                         return None;

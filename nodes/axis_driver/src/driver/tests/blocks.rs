@@ -5,6 +5,7 @@ use super::bench::source;
 use super::*;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::path::{CompensatedPath, Role};
+use cnc_msgs::text::Text;
 use std::sync::Arc;
 
 /// Five lines: one to the start, lead-on, contour, a generated corner of the block
@@ -253,4 +254,34 @@ fn s48_what_is_left_of_a_run_can_be_another_path_while_the_machine_holds() {
     assert_eq!(executed.len(), 62, "no line is lost and none is sent twice");
     assert_eq!(executed[settled], format!("X{}", 10 * settled));
     assert_eq!(executed[settled + 1], format!("X{}Y3", 10 * (settled + 1)));
+}
+
+#[test]
+fn a_message_is_shown_when_the_tool_is_there_and_what_follows_a_stop_after_it() {
+    let say = |text| Action::Message { text: Text::new(text).expect("short") };
+    let mut path = straight(30);
+    for (at, action) in [
+        (0, say("begin")),
+        (10, say("at ten")),
+        (10, Action::Stop { optional: false }),
+        (10, say("after the stop")),
+        (20, say("at twenty")),
+        (30, say("end")),
+    ] {
+        path = with_event(path, at, action);
+    }
+    let mut bench = Bench::connected();
+    bench.start(path);
+    let says = |text: &str| format!("line {text}\n");
+    bench.until("the first", |bench| bench.log.ends_with(&says("0: begin")));
+    bench.until("the stop", |bench| bench.mode() == Mode::Hold);
+    bench.wait(1_000);
+    assert!(bench.log.ends_with(&says("10: at ten")), "{}", bench.log);
+    bench.ask(Command::Resume).unwrap();
+    bench.until("the next", |bench| bench.log.ends_with(&says("10: after the stop")));
+    bench.until("the one after it", |bench| bench.log.ends_with(&says("20: at twenty")));
+    let x = bench.state().work_position.expect("a position")[0];
+    assert!((199.0..=215.0).contains(&x), "{x}");
+    assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
+    assert!(bench.log.ends_with(&says("30: end")), "{}", bench.log);
 }

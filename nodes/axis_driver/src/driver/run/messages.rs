@@ -1,0 +1,117 @@
+//! Messages of the program to the operator: which are due, and which one a stop is about.
+//!
+//! A message is due when everything before it has been done: the tool is where it stands in the
+//! path, and the lines of what comes before it at that place have been answered.
+
+use super::ProgramRun;
+use crate::driver::context::{Context, Origin};
+use crate::driver::output::LogLevel;
+use cnc_msgs::contour::Action;
+use cnc_msgs::path::CompensatedPath;
+
+impl ProgramRun {
+    /// Shows the messages that are due.
+    pub(super) fn show_messages(&mut self, context: &mut Context) {
+        // In check mode nothing is reached.
+        if !self.job.has_sent || self.job.is_check() {
+            return;
+        }
+        let answered = self.events_answered(context);
+        let tracker = &self.job.tracker;
+        let is_held = context.machine.is_held();
+        while let Some(event) = self.job.request.path.events.get(self.shown) {
+            let is_past = tracker.is_under_way() && tracker.element() >= event.at_element;
+            let is_here = self.shown < answered
+                && (event.at_element <= self.first_element
+                    || tracker.has_reached(event.at_element));
+            // Before the first motion `element` is not under way yet.
+            if !is_here && (!is_past || event.at_element <= self.first_element) {
+                break;
+            }
+            match event.action {
+                Action::Message { text } => {
+                    context.log(LogLevel::Info, format!("line {}: {text}", event.source.line));
+                }
+                // Some controllers answer M0 before they go on.
+                Action::Stop { .. } if is_held => break,
+                _ => {}
+            }
+            self.shown += 1;
+        }
+    }
+
+    /// Shows what is left at the end of the program.
+    pub(super) fn show_last_messages(&mut self, context: &mut Context) {
+        for event in self.job.request.path.events.iter().skip(self.shown) {
+            if let Action::Message { text } = event.action {
+                context.log(LogLevel::Info, format!("line {}: {text}", event.source.line));
+            }
+        }
+        self.shown = self.job.request.path.events.len();
+    }
+
+    /// How many events have no line that waits for its answer or for room.
+    fn events_answered(&self, context: &Context) -> usize {
+        let waiting = match (context.link.oldest(), &self.next, &self.next_block) {
+            (Some(Origin::Program { events, .. }), ..) => Some(*events),
+            (_, Some(super::Pending::Line(line)), _) | (_, _, Some(line)) => Some(line.events),
+            _ => None,
+        };
+        waiting.unwrap_or_else(|| self.encoder.events_begun())
+    }
+
+    /// What the program says at the stop or tool change that is the last of so many events.
+    pub(in crate::driver) fn message_before(&self, events: usize) -> Option<String> {
+        message_before(&self.job.request.path, events.checked_sub(1)?)
+    }
+}
+
+/// The messages at the same place before an event, since the last stop.
+fn message_before(path: &CompensatedPath, event: usize) -> Option<String> {
+    let at = path.events.get(event)?.at_element;
+    let mut texts = Vec::new();
+    for earlier in path.events[..event].iter().rev() {
+        let is_stop = matches!(earlier.action, Action::Stop { .. } | Action::ChangeTool { .. });
+        if earlier.at_element != at || is_stop {
+            break;
+        }
+        if let Action::Message { text } = earlier.action {
+            texts.push(text.to_string());
+        }
+    }
+    texts.reverse();
+    (!texts.is_empty()).then(|| texts.join(" "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::contour::Source;
+    use cnc_msgs::path::PathEvent;
+    use cnc_msgs::text::Text;
+
+    #[test]
+    fn a_stop_is_about_the_messages_at_its_place_since_the_last_stop() {
+        let say = |text| Action::Message { text: Text::new(text).expect("short") };
+        let stop = Action::Stop { optional: false };
+        let actions = [
+            (1, say("elsewhere")),
+            (2, say("turn the part")),
+            (2, say("over")),
+            (2, stop),
+            (2, say("clamp it")),
+            (2, Action::SelectTool { tool: 3 }),
+            (2, Action::ChangeTool { tool: 3 }),
+            (3, stop),
+        ];
+        let event =
+            |(at_element, action)| PathEvent { at_element, action, source: Source::default() };
+        let events = actions.map(event).to_vec();
+        let path = CompensatedPath { events, ..CompensatedPath::default() };
+        for (event, wanted) in
+            [(3, Some("turn the part over")), (6, Some("clamp it")), (7, None), (9, None)]
+        {
+            assert_eq!(message_before(&path, event).as_deref(), wanted, "event {event}");
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! Positions and work offsets that the machine stores, as far as the program or its parameter file
+//! says them: `#5161`, `#5221`.
+
+use super::Interpreter;
+use crate::findings::Findings;
+use crate::parameter_file::is_of_the_machine;
+use cnc_msgs::contour::Source;
+use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::geometry::{AxisSet, Position};
+
+impl Interpreter<'_> {
+    /// Takes the values of a parameter file. Those that LinuxCNC would act on at once are refused
+    /// or told.
+    pub(crate) fn store(&mut self, values: &[(u32, f64)], findings: &mut Findings) {
+        findings.begin_block();
+        for &(number, value) in values {
+            if is_of_the_machine(number) {
+                self.stored.insert(number, value);
+            }
+            let is_rotation = matches!(number, 5230..=5390 if (number - 5230) % 20 == 0);
+            let finding = match number {
+                _ if is_rotation && value != 0.0 => {
+                    let system = (number - 5230) / 20 + 1;
+                    let message = format!(
+                        "the parameter file rotates work system {system}: #{number}={value}"
+                    );
+                    let help = format!(
+                        "write G10 L2 P{system} R{value} into the program, and 0 into the file"
+                    );
+                    Finding::error(Code::Unsupported, Source::default(), message).help(help)
+                }
+                5210 if value != 0.0 => {
+                    let message = "the parameter file has G92 in force, and programs begin without";
+                    let help = "write G92 into the program if it needs it";
+                    Finding::warning(Code::Unsupported, Source::default(), message).help(help)
+                }
+                5220 if value != 1.0 && value != 0.0 => {
+                    let message = format!(
+                        "the parameter file selects work system {value}; programs begin in G54"
+                    );
+                    let help = "write the work system into the program";
+                    Finding::warning(Code::Unsupported, Source::default(), message).help(help)
+                }
+                _ => continue,
+            };
+            findings.push(finding);
+        }
+    }
+
+    /// The program has set axes of a work system; `None`: to what only the machine knows.
+    pub(super) fn store_offset(&mut self, system: u32, axes: AxisSet, origin: Option<Position>) {
+        for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+            let number = 5221 + 20 * (system - 1) + axis as u32;
+            match origin {
+                Some(origin) => self.stored.insert(number, origin[axis]),
+                None => self.stored.remove(&number),
+            };
+        }
+    }
+
+    /// The controller stores where it is.
+    pub(super) fn store_reference(&mut self, second: bool) {
+        let first = if second { 5181 } else { 5161 };
+        self.stored.retain(|number, _| !(first..first + 9).contains(number));
+    }
+}

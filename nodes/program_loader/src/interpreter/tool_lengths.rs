@@ -1,0 +1,237 @@
+//! G43, G43.1, G43.2, G49, and G10 L1, L10 and L11: tool lengths.
+//!
+//! The tool table is the planner's. What a program sets is kept here from then on, as the length of
+//! a tool in the table and what is added to it; a radius reaches the planner as the diameter of the
+//! selection. The table itself is never changed.
+
+use super::axes::Cause;
+use super::{Interpreter, Scene};
+use crate::dialect::{GWord, Group, LengthWord};
+use crate::limits::COORDINATE_MM_MAX;
+use cnc_msgs::contour::{Action, RadiusSource};
+use cnc_msgs::finding::Code;
+use cnc_msgs::geometry::AxisSet;
+use std::collections::BTreeMap;
+
+/// A tool length along Z.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Length {
+    /// The tool whose length in the table is a part of it.
+    pub(super) tool: Option<u32>,
+    /// What is added to that, mm.
+    pub(super) added_mm: f64,
+}
+
+/// What the program has set for a tool.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct ToolEntry {
+    length: Option<Length>,
+    radius_mm: Option<f64>,
+}
+
+pub(super) type ToolEntries = BTreeMap<u32, ToolEntry>;
+
+impl Interpreter<'_> {
+    #[inline]
+    pub(super) fn tool_length(&mut self, scene: &mut Scene<'_>) {
+        match self.request.g(Group::Length) {
+            None => {}
+            Some((GWord::Length(word), at)) => self.length_on(scene, word, at),
+            Some(_) => self.set_length(None, "G49"),
+        }
+    }
+
+    #[cold]
+    fn length_on(&mut self, scene: &mut Scene<'_>, word: LengthWord, at: usize) {
+        let length = match word {
+            LengthWord::Tool => self.length_of_h(scene, at).map(|length| (length, "G43")),
+            LengthWord::Given => self.given_length(scene, at).map(|length| (length, "G43.1")),
+            LengthWord::Added => self.added_length(scene, at).map(|length| (length, "G43.2")),
+        };
+        if let Some((length, word)) = length
+            && !self.request.is_damaged
+        {
+            self.set_length(Some(length), word);
+        }
+    }
+
+    /// H, or the tool in the spindle.
+    fn length_of_h(&mut self, scene: &mut Scene<'_>, at: usize) -> Option<Length> {
+        let tool = if self.request.present.contains(b'H') {
+            let tool = self.take_number(scene, b'H')?;
+            if tool == 0 {
+                let message = "G43 H0 has a different meaning on each control".to_owned();
+                let help = "write G49 to cancel the length offset, or H with the number of a tool";
+                self.report(scene, b'H', Code::BadNumber, message, help);
+                return None;
+            }
+            tool
+        } else if let Some(tool) = self.modal.spindle_tool {
+            // LinuxCNC: without H, the tool in the spindle.
+            tool
+        } else {
+            let message = format!("{} without H, and no M6 has put in a tool", scene.quote(at));
+            let help = "write H with the number of the tool";
+            self.report_at(scene, at, Code::MissingWord, message, help);
+            return None;
+        };
+        Some(self.length_of(tool))
+    }
+
+    /// The length of a tool: from the program, else from the table.
+    fn length_of(&self, tool: u32) -> Length {
+        let entry = self.tool_entries.get(&tool).and_then(|entry| entry.length);
+        // No tool has no length.
+        let none = (tool == 0).then(Length::default);
+        entry.or(none).unwrap_or(Length { tool: Some(tool), added_mm: 0.0 })
+    }
+
+    /// Z of G43.1 and G43.2; lengths along X and Y are those of turning tools, which no board has.
+    fn length_words(&mut self, scene: &mut Scene<'_>) -> Option<f64> {
+        let scale = self.scale();
+        for letter in [b'X', b'Y'] {
+            let value = self.take_within(scene, letter, scale, COORDINATE_MM_MAX, "mm");
+            if value.is_some_and(|value| value != 0.0) {
+                let message = "a tool length along X or Y is not supported".to_owned();
+                let help = "write Z only, and move the work offset by the others";
+                self.report(scene, letter, Code::Unsupported, message, help);
+            }
+        }
+        self.take_within(scene, b'Z', scale, COORDINATE_MM_MAX, "mm")
+    }
+
+    fn given_length(&mut self, scene: &mut Scene<'_>, at: usize) -> Option<Length> {
+        let named = self.has_axis_word();
+        let z = self.length_words(scene);
+        if !named {
+            let message = format!("{} without Z", scene.quote(at));
+            let help = "write Z with the tool length, or G43 H with the number of a tool";
+            self.report_at(scene, at, Code::MissingWord, message, help);
+        }
+        // LinuxCNC: the axes that are not named keep their offset.
+        let kept = self.modal.length.unwrap_or_default();
+        Some(z.map_or(kept, |added_mm| Length { tool: None, added_mm }))
+    }
+
+    fn added_length(&mut self, scene: &mut Scene<'_>, at: usize) -> Option<Length> {
+        let base = self.modal.length.unwrap_or_default();
+        let more = if self.request.present.contains(b'H') {
+            self.length_of_h(scene, at)?
+        } else if self.has_axis_word() {
+            Length { tool: None, added_mm: self.length_words(scene).unwrap_or(0.0) }
+        } else {
+            let message = format!("{} without H and without Z", scene.quote(at));
+            let help = "write H with the number of a tool, or Z with a length";
+            self.report_at(scene, at, Code::MissingWord, message, help);
+            return None;
+        };
+        if base.tool.is_some() && more.tool.is_some() {
+            let message = "two lengths of the tool table cannot be added".to_owned();
+            let help = "write one of them into the program: G43.2 Z";
+            self.report_at(scene, at, Code::Unsupported, message, help);
+            return None;
+        }
+        let tool = base.tool.or(more.tool);
+        Some(Length { tool, added_mm: base.added_mm + more.added_mm })
+    }
+
+    fn has_axis_word(&self) -> bool {
+        super::moves::AXIS_WORDS.iter().any(|&letter| self.request.present.contains(letter))
+    }
+
+    /// Sets the length offset; it moves the work frame along Z by a length that only the table has.
+    pub(super) fn set_length(&mut self, length: Option<Length>, word: &'static str) {
+        let (offset, length_mm) = match length {
+            None => (None, 0.0),
+            Some(Length { tool, added_mm }) => (Some(tool.unwrap_or(0)), added_mm),
+        };
+        self.act(Action::ToolLength { offset, length_mm });
+        if self.modal.length != length {
+            self.modal.length = length;
+            self.axes.lose(AxisSet::NONE.with(2), Cause { source: self.source, word });
+        }
+    }
+
+    /// G10 L1, L10 and L11, with P and the words of the tool.
+    #[cold]
+    pub(super) fn set_tool(
+        &mut self,
+        scene: &mut Scene<'_>,
+        mode: u32,
+        tool: Option<u32>,
+        at: usize,
+    ) {
+        let scale = self.scale();
+        let radius = self.take_within(scene, b'R', scale, COORDINATE_MM_MAX, "mm");
+        for letter in [b'I', b'J', b'Q'] {
+            if self.take(letter).is_some() {
+                let message =
+                    "the angles and the orientation of a turning tool are in the tool table";
+                let help = "write them there (set_tool, or its file)";
+                self.report(scene, letter, Code::Unsupported, message.to_owned(), help);
+            }
+        }
+        let z = self.length_words(scene);
+        let Some(tool) = tool else {
+            if !self.request.present.contains(b'P') {
+                let message = format!("{} without P", scene.quote(at));
+                let help = "write P with the number of the tool";
+                self.report_at(scene, at, Code::MissingWord, message, help);
+            }
+            return;
+        };
+        if radius.is_some_and(|radius| radius < 0.0) {
+            return self.negative(scene, b'R');
+        }
+        if mode == 11 {
+            let message = "G10 L11 measures in the work system G59.3, which only the machine knows";
+            let help = "write G10 L10, which measures in the work system in force";
+            return self.report(scene, b'L', Code::Unsupported, message.to_owned(), help);
+        }
+        let length = match z {
+            None => None,
+            Some(z) if mode == 1 => Some(Length { tool: None, added_mm: z }),
+            // With this length the position would read Z.
+            Some(z) => {
+                if !self.relies(scene, AxisSet::NONE.with(2)) {
+                    return;
+                }
+                let now = self.modal.length.unwrap_or_default();
+                let at_mm = self.axes.position[2] - self.modal.shift[2];
+                Some(Length { added_mm: now.added_mm + at_mm - z, ..now })
+            }
+        };
+        if self.request.is_damaged {
+            return;
+        }
+        let entry = self.tool_entries.entry(tool).or_default();
+        entry.length = length.or(entry.length);
+        entry.radius_mm = radius.or(entry.radius_mm);
+    }
+
+    /// The radius that compensation takes with D, or without one from the tool in the spindle.
+    pub(super) fn radius_of(
+        &mut self,
+        scene: &mut Scene<'_>,
+        tool: Option<u32>,
+        at: usize,
+    ) -> RadiusSource {
+        let number = tool.or(self.modal.spindle_tool);
+        let entry = |number| self.tool_entries.get(&number)?.radius_mm;
+        if let Some(radius_mm) = number.and_then(entry) {
+            return RadiusSource::Diameter(2.0 * radius_mm);
+        }
+        if number.is_none() && self.tool_entries.values().any(|entry| entry.radius_mm.is_some()) {
+            let message =
+                "the program has set radii, and which tool is in the spindle is not known";
+            let help = "write D with the number of the tool, or change the tool before it: T1 M6";
+            self.report_at(scene, at, Code::MissingWord, message.to_owned(), help);
+        }
+        match (tool, self.modal.spindle_tool) {
+            (Some(tool), _) => RadiusSource::Tool(tool),
+            // M61 has said so; the path has no change to it.
+            (None, Some(tool)) if self.modal.is_tool_named => RadiusSource::Tool(tool),
+            _ => RadiusSource::SpindleTool,
+        }
+    }
+}

@@ -1,0 +1,442 @@
+//! Words of LinuxCNC beyond moves and cycles: what they become, and what is wrong with them.
+
+mod common;
+
+use common::profile;
+use program_loader::{LoadOptions, Loaded, canonical, load};
+
+fn read(text: &str) -> Loaded {
+    load(text.as_bytes(), &profile("rs274"), &LoadOptions::default())
+}
+
+/// The events of programs without places, one a line, and the warnings of each.
+#[track_caller]
+fn check(cases: &[(&str, &str, &[&str])]) {
+    for &(text, wanted, warnings) in cases {
+        let loaded = read(text);
+        assert!(loaded.is_accepted(), "{text}: {:?}", loaded.findings);
+        let events: Vec<String> = loaded.contour.events.iter().map(canonical::event_text).collect();
+        assert_eq!(events.join("; "), wanted, "{text}");
+        let found: Vec<&str> = loaded.findings.iter().map(|it| it.message.as_str()).collect();
+        assert_eq!(found, warnings, "{text}");
+    }
+}
+
+/// The errors of programs with the bytes that each is about.
+#[track_caller]
+fn check_bad(cases: &[(&str, &[(&str, &str)])]) {
+    for &(text, wanted) in cases {
+        let loaded = read(text);
+        let lines: Vec<&str> = text.lines().collect();
+        let errors = loaded.findings.iter().filter(|it| it.is_error());
+        let found: Vec<(&str, &str)> = errors
+            .map(|it| {
+                let start = usize::from(it.source.column) - 1;
+                let end = start + usize::from(it.source.length);
+                (&lines[it.source.line as usize - 1][start..end], it.message.as_str())
+            })
+            .collect();
+        assert_eq!(found, wanted, "{text}");
+    }
+}
+
+#[test]
+fn messages_are_events_in_their_place() {
+    check(&[
+        (
+            "(MSG, hello #1)\n#1=5 (DEBUG, is %d#1)\nG0 X1 (print, x #<_x>)\nM2",
+            "(MSG, hello #1); (MSG, is 5); (MSG, x 0.000000); \
+             rapid X1 Y0 Z0 named X; M2",
+            &[],
+        ),
+        ("(MSG,)\n(MSG)\n(message)\nM0 (MSG, turn it)\nM2", "(MSG, turn it); M0; M2", &[]),
+        (
+            "(DEBUG, #5021 and #<no>)\nM2",
+            "(MSG, ###### and ######); M2",
+            &[
+                "#5021 is a position in machine coordinates, which is known only while the machine \
+                 runs: the message shows ######",
+                "nothing has set the parameter #<no>: the message shows ######",
+            ],
+        ),
+        (
+            "(LOGOPEN, ../x)\n(LOG, #1)\n(LOGCLOSE)\nM2",
+            "(MSG, 0.000000); M2",
+            &["no file is written: what (LOG, ...) writes is a message to the operator"],
+        ),
+        (
+            "#1=2\no1 while [#1 GT 0]\n(DEBUG, %d#1)\n#1=[#1-1]\no1 endwhile\nM2",
+            "(MSG, 2); (MSG, 1); M2",
+            &[],
+        ),
+        // More than one event holds.
+        (
+            "(MSG, the quick brown fox jumps over the lazy dog and over all of its sleepy friends)\nM2",
+            "(MSG, the quick brown fox jumps over the lazy dog and over all of); \
+             (MSG, its sleepy friends); M2",
+            &[],
+        ),
+        (
+            "(DEBUG, %d#5599)\n#5599=0\n(DEBUG, no)\n(PRINT, yes)\n#5599=1\n(DEBUG, on)\nM2",
+            "(MSG, 1); (MSG, yes); (MSG, on); M2",
+            &[],
+        ),
+        ("; MSG, no\n(MSG , no)\nM2", "M2", &[]),
+    ]);
+}
+
+#[test]
+fn a_program_that_aborts_is_refused_with_its_text() {
+    for text in ["(ABORT, no tool)\nM2", "o1 if [1]\nG0 X1 (abort, no tool)\no1 endif\nM2"] {
+        let loaded = read(text);
+        let first = loaded.findings.first().expect("a finding");
+        assert!(first.is_error() && first.message == "the program ends itself here: no tool");
+    }
+    // Other languages have comments only.
+    let text = b"N10 (MSG, hello)\nN20 M30";
+    let loaded = load(text, &profile("nct"), &LoadOptions::default());
+    assert_eq!((loaded.contour.events.len(), loaded.findings.len()), (1, 0));
+}
+
+#[test]
+fn words_for_the_machine_are_passed_on_with_their_values() {
+    check(&[
+        ("M62 P1 G0 X1\nM2", "M62 P1; rapid X1 Y0 Z0 named X; M2", &[]),
+        ("M66 P0 L3 Q2.5\nM67 E1 Q-0.5\nM2", "M66 L3 P0 Q2.5; M67 E1 Q-0.5; M2", &[]),
+        (
+            "M19 R45 Q1\nM50 P0\nM51\nM53 P0\nM101 P1 Q2.5\nM49\nM2",
+            "M19 Q1 R45; M50 P0; M51; M53 P0; M101 P1 Q2.5; M49; M2",
+            &[],
+        ),
+        (
+            "M50 P0\nM52\n(DEBUG, %d#<_feed_override>#<_speed_override>#<_adaptive_feed>)\nM2",
+            "M50 P0; M52; (MSG, 011); M2",
+            &[],
+        ),
+        ("M70\nM49\nM72\nM2", "M49; M50 P1; M51 P1; M2", &[]),
+        ("M61 Q7\n(DEBUG, %d#5400 #<_current_tool>)\nG43\nM2", "(MSG, 7 7); G43 H7; M2", &[]),
+        (
+            "F100 G0 X0 Y20\nM61 Q3\nG41 G1 Y0\nX9\nG40 Y9\nM2",
+            "rapid X0 Y20 Z0 named XY; radius of tool 3; select left; line X0 Y0 Z0 F100 named Y; \
+          line X9 Y0 Z0 F100 named X; cancel; line X9 Y9 Z0 F100 named Y; M2",
+            &[],
+        ),
+    ]);
+}
+
+#[test]
+fn wrong_words_for_the_machine_are_errors_at_their_places() {
+    check_bad(&[
+        ("M62\nM2", &[("M62", "M62 without P")]),
+        ("M64 P1.5\nM2", &[("P1.5", "M64 does not take P1.5")]),
+        ("M65 P-1\nM2", &[("P-1", "M65 does not take P-1")]),
+        ("M66\nM2", &[("M66", "M66 reads one input")]),
+        ("M66 P1 E1\nM2", &[("M66", "M66 reads one input")]),
+        ("M66 E1 L3 Q1\nM2", &[("L3", "an analog input is read at once")]),
+        ("M66 P1 L3\nM2", &[("M66", "M66 waits without a time")]),
+        ("M66 P1 L5 Q1\nM2", &[("L5", "M66 does not take L5")]),
+        ("M67 Q1\nM2", &[("M67", "M67 without E")]),
+        ("M19 R400\nM2", &[("R400", "M19 does not take R400")]),
+        ("M61\nM2", &[("M61", "M61 without Q")]),
+        ("M61 Q1.5\nM2", &[("Q1.5", "Q1.5 is not a whole number of at most eight digits")]),
+        ("T1 M6 M61 Q1\nM2", &[("M61", "M6 and M61 exclude each other in one block")]),
+        ("M62 P[0/0]\nM2", &[("/0", "a division by zero")]),
+        (
+            "M66 P1 L0\nG0 X#5399\nM2",
+            &[("#5399", "#5399 is the result of M66, which is known only while the machine runs")],
+        ),
+        (
+            "F100 G0 X0 Y20\nT1 M6\nG41 G1 Y0\nX5\nM61 Q2\nX9\nG40 Y9\nM2",
+            &[("M61", "M61 changes the tool under cutter radius compensation")],
+        ),
+        ("M48 P1\nM2", &[("P1", "nothing in this block uses P1")]),
+    ]);
+    let mut loaded = read("M61 Q5\nM2");
+    loaded.allow_tools(&[1]);
+    assert!(!loaded.is_accepted() && loaded.findings[0].source.line == 1);
+}
+
+#[test]
+fn curves_become_lines_and_arcs_that_touch() {
+    for (text, end) in [
+        ("G5 I0 J3 P0 Q-3 X1 Y1", [1.0, 1.0]),
+        ("G5 I0 J3 P0 Q-3 X1 Y1\nG5 P1 Q1 X3 Y3", [3.0, 3.0]),
+        ("G91 G5.1 X4 Y4 I2 J1\nG90", [4.0, 4.0]),
+        ("G20 G5.1 X1 Y1 I0.5 J0.1 F20\nG21", [25.4, 25.4]),
+        ("G5.2 P1 L3 X0 Y1\nX2 Y2 P1\nX2 Y0 P1\n(MSG, here)\nX0 Y5 P2\nG5.3", [0.0, 5.0]),
+        ("G5.2 P0.5\nX1 Y1\nX2 Y0\nG5.3", [2.0, 0.0]),
+        ("G52 X1 Y1\nG5.1 X4 Y4 I2 J1", [5.0, 5.0]),
+    ] {
+        let loaded = read(&format!("F100 G0 X0 Y0 Z-1\n{text}\nG1 Z0\nM2"));
+        assert!(loaded.is_accepted(), "{text}: {:?}", loaded.findings);
+        let events: Vec<String> = loaded.contour.events.iter().map(canonical::event_text).collect();
+        let arcs = events.iter().filter(|it| it.starts_with("arc")).count();
+        assert!((2..60).contains(&arcs), "{text}: {events:#?}");
+        let moves = events.iter().filter(|it| it.starts_with("arc") || it.starts_with("line"));
+        let last = moves.rev().nth(1).expect("the end of the curve");
+        let wanted = format!(" X{} Y{} Z-1 ", end[0], end[1]);
+        assert!(last.contains(&wanted), "{text}: {last}, not {wanted}");
+    }
+    // The time of a curve under G93 is that of its whole length: half a minute.
+    let loaded = read("G0 X0 Y0\nG93 G5.1 X30 Y0 I15 J0 F2\nM2");
+    let text = canonical::text(&loaded.contour);
+    assert!(text.contains("line X30 Y0 Z0 F60 named XY"), "{text}");
+}
+
+#[test]
+fn wrong_curves_are_errors_at_their_places() {
+    let begin = "F100 G0 X0 Y0\n";
+    for (text, wanted) in [
+        ("G5 X1 Y1 P1 Q1", "G5 has not all of I, J, P and Q"),
+        ("G5 X1 Y1 I1 P1 Q1", "one of I and J without the other"),
+        ("G5 I0 J3 X1 Y1", "G5 has not all of I, J, P and Q"),
+        ("G5 I0 J3 P1 X1 Y1", "one of P and Q without the other"),
+        ("G18 G5 I0 J3 P0 Q-3 X1 Y1", "a curve outside the plane XY"),
+        ("G5 I0 J3 P0 Q-3 X1 Y1 Z1", "a curve has no Z"),
+        ("G5.1 X1 Y1", "G5.1 without I and J"),
+        ("G5.1 X1 Y1 I1", "one of I and J without the other"),
+        ("G5.1 X1 Y1 I[0/0] J1", "a division by zero"),
+        ("G5.1 X1 Y1 I999999999 J1", "I999999999 is beyond 1000000 mm"),
+        ("G5.3", "G5.3 without G5.2"),
+        ("G5.2 X1 Y1 L3\nG5.3", "a curve of order 3 needs 3 control points, and has 2"),
+        ("G5.2 X1 Y1 P0\nG5.3", "P0 is not the weight of a control point"),
+        ("G5.2 X1 Y1 P-1\nG5.3", "P-1 is not the weight of a control point"),
+        ("G5.2 X1 Y1 L99\nG5.3", "the order of a curve is from 3 to 10"),
+        ("G5.2 X1\nX1 Y1\nX2 Y2\nG5.3", "a control point has X and Y"),
+        ("G5.2 X1 Y1\nG5.2 P2\nX2 Y2\nG5.3", "a control point without X and Y"),
+        ("G5.2 X1 Y1 P-1\nX1 Y1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
+        ("G5.2 X1 Y1\nX1 Y1 P-1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
+        ("G5.2 X1 Y1\nG1 X5", "the curve that G5.2 begins in line 2 has no G5.3"),
+        ("G5.2 X1 Y1\nM30", "the curve that G5.2 begins in line 2 has no G5.3"),
+        ("G5.2 X1 Y1\nG92 X0", "the curve that G5.2 begins in line 2 has no G5.3"),
+        (
+            "T1 M6\nG0 Y20\nG41 G1 Y0\nG5.1 X5 Y5 I1 J1\nG40 G1 Y9",
+            "a curve under cutter radius compensation, which is on since line 4",
+        ),
+    ] {
+        let loaded = read(&format!("{begin}{text}\nM2"));
+        let errors: Vec<&str> = loaded
+            .findings
+            .iter()
+            .filter(|it| it.is_error())
+            .map(|it| it.message.as_str())
+            .collect();
+        assert_eq!(errors, [wanted], "{text}");
+    }
+    // Nothing has ended it at the end of the text.
+    assert!(!read("F100 G0 X0 Y0\nG5.2 X1 Y1\n").is_accepted());
+}
+
+#[test]
+fn tool_lengths_and_radii_may_come_from_the_program() {
+    let compensated = "G0 X0 Y20\nG41 {D} G1 Y0\nX9\nG40 Y9\nM2";
+    let radius_of = |text: &str| {
+        let loaded = read(text);
+        assert!(loaded.is_accepted(), "{text}: {:?}", loaded.findings);
+        let events: Vec<String> = loaded.contour.events.iter().map(canonical::event_text).collect();
+        events.into_iter().find(|it| it.starts_with("radius")).expect("a radius")
+    };
+    for (text, word, wanted) in [
+        ("G10 L1 P3 R2.5", "D3", "radius diameter 5"),
+        ("G10 L1 P3 R2.5", "D4", "radius of tool 4"),
+        ("G10 L1 P3 R2.5\nT3 M6", "", "radius diameter 5"),
+        ("T4 M6\nG10 L1 P3 R2.5", "", "radius of the tool in the spindle"),
+        ("M61 Q3\nG10 L1 P3 R2.5 Z1", "D0", "radius diameter 5"),
+    ] {
+        let text = format!("F100\n{text}\n{}", compensated.replace("{D}", word));
+        assert_eq!(radius_of(&text), wanted, "{text}");
+    }
+    check(&[
+        ("G43.1 Z5\nM2", "G43.1 Z5; M2", &[]),
+        ("G20 G43.1 Z1\nM2", "G43.1 Z25.4; M2", &[]),
+        ("G43 H2\nG43.2 Z1.5\nM2", "G43 H2; G43 H2 and 1.5; M2", &[]),
+        ("G43.1 Z5\nG43.2 H2\nG49\nM2", "G43.1 Z5; G43 H2 and 5; G49; M2", &[]),
+        ("G10 L1 P2 Z7\nG43 H2\nG43 H3\nM2", "G43.1 Z7; G43 H3; M2", &[]),
+        // The tool of 7 mm reads Z10; to read Z2 it has to be 8 mm longer.
+        (
+            "G43.1 Z7\nG0 Z10\nG10 L10 P2 Z2\nG43 H2\nM2",
+            "G43.1 Z7; rapid X0 Y0 Z10 named Z; G43.1 Z15; M2",
+            &[],
+        ),
+        (
+            "G43 H1\nG0 Z10\nG10 L10 P2 Z2\nG43 H2\nM2",
+            "G43 H1; rapid X0 Y0 Z10 named Z; G43 H1 and 8; M2",
+            &[],
+        ),
+        ("G59.1\nG0 X1\nG59.3\nM2", "G59.1; rapid X1 Y0 Z0 named X; G59.3; M2", &[]),
+    ]);
+    check_bad(&[
+        ("G43.1\nM2", &[("G43.1", "G43.1 without Z")]),
+        ("G43.1 X1 Z1\nM2", &[("X1", "a tool length along X or Y is not supported")]),
+        ("G43.2\nM2", &[("G43.2", "G43.2 without H and without Z")]),
+        ("G43 H1\nG43.2 H2\nM2", &[("G43.2", "two lengths of the tool table cannot be added")]),
+        ("G10 L1 Z1\nM2", &[("G10", "G10 without P")]),
+        ("G10 L1 P1 R-1\nM2", &[("R-1", "R-1 is negative")]),
+        (
+            "G10 L1 P1 Q3\nM2",
+            &[("Q3", "the angles and the orientation of a turning tool are in the tool table")],
+        ),
+        (
+            "G10 L11 P1 Z3\nM2",
+            &[("L11", "G10 L11 measures in the work system G59.3, which only the machine knows")],
+        ),
+        ("G10 L0\nM2", &[("L0", "G10 L0 reads the tool table anew")]),
+        ("G10 L1 P1 Z[1/0]\nM2", &[("/0", "a division by zero")]),
+        (
+            "G43 H1\nG43 H2\nG91 G0 Z1\nM2",
+            &[(
+                "G91 G0 Z1",
+                "this move starts from where Z is, which is not known since G43 in line 2",
+            )],
+        ),
+        (
+            "F100\nG10 L1 P3 R1\nG0 X0 Y20\nG41 G1 Y0\nX9\nG40 Y9\nM2",
+            &[("G41", "the program has set radii, and which tool is in the spindle is not known")],
+        ),
+    ]);
+}
+
+#[test]
+fn a_rotated_work_system_turns_the_moves_of_the_program() {
+    let ends = "the rotation ends with the program: the controller cannot store it";
+    check(&[
+        (
+            "G10 L2 P1 R90\nG0 X10 Y5\nG91 G0 X1\nG90 G1 Y0 Z-2 F100\nG10 L2 P1 R0\nG0 X1 Y1\nM2",
+            "rapid X-5 Y10 Z0 named XY; rapid X-5 Y11 Z0 named XY; \
+             line X0 Y11 Z-2 F100 named XYZ; rapid X1 Y1 Z-2 named XY; M2",
+            &[ends],
+        ),
+        (
+            "F100 G10 L2 P1 X3 Y0 R-90\nG0 X0 Y0\nG2 X10 Y0 I5 J0\nG0 Z5\nG92 X0\nG0 X1\nM2",
+            "G10 L2 P1 X3 Y0; rapid X0 Y0 Z0 named XY; \
+             arc cw xy X0 Y-10 Z0 center X0 Y-5 F100 named XY; rapid X0 Y-10 Z5 named Z; \
+             rapid X0 Y-11 Z5 named XY; M2",
+            &[ends],
+        ),
+        // Of another system: nothing turns before it is selected.
+        (
+            "G10 L2 P2 R180\nG0 X1 Y0\nG55 G0 X1 Y2\nM2",
+            "rapid X1 Y0 Z0 named XY; G55; rapid X-1 Y-2 Z0 named XY; M2",
+            &[ends],
+        ),
+    ]);
+    let lost = "this move starts from where Y is, which is not known since G10 in line 1";
+    check_bad(&[
+        ("G10 L2 P1 R30\nG0 X10\nM2", &[("G0 X10", lost)]),
+        (
+            "F100 G10 L2 P1 R30\nG0 X0 Y0\nG18 G2 X9 I5 K0\nM2",
+            &[("G18 G2 X9 I5 K0", "an arc outside the plane XY in a rotated work system")],
+        ),
+        ("G10 L20 P1 X1 R5\nM2", &[("R5", "G10 L20 does not take R")]),
+        (
+            "G10 L2 P1 R5\nG0 X0 Y0\nG10 L20 P1 X1\nM2",
+            &[("L20", "G10 L20 in a rotated work system")],
+        ),
+        ("G10 L2 P1 R999999\nM2", &[("R999999", "R999999 is beyond 36000 degrees")]),
+    ]);
+}
+
+#[test]
+fn a_block_by_hand_sets_nothing_for_the_next_one() {
+    let options = LoadOptions { is_single_block: true, ..LoadOptions::default() };
+    for (text, is_accepted) in [
+        ("G10 L2 P1 R5", false),
+        ("G10 L1 P1 Z5", false),
+        ("G10 L2 P1 X5", true),
+        ("M61 Q1", false),
+        ("G5.2 X1 Y1 P1", false),
+        ("G43.1 Z5", true),
+        ("G0 X1 (MSG, hello)", true),
+    ] {
+        let loaded = load(text.as_bytes(), &profile("rs274"), &options);
+        assert_eq!(loaded.is_accepted(), is_accepted, "{text}: {:?}", loaded.findings);
+    }
+}
+
+#[test]
+fn parameters_begin_with_the_values_of_a_parameter_file() {
+    let with = |text: &str, file: &str| {
+        let profile = profile("rs274");
+        let text = program_loader::parameter_file::with_parameters(
+            text.as_bytes().to_vec(),
+            &profile,
+            "linuxcnc.var",
+            file.as_bytes(),
+        );
+        String::from_utf8(text.expect("a good file")).expect("text")
+    };
+    let program =
+        "(DEBUG, %d#31 #32 #5222 #5161)\n#31=[#31+1]\nG10 L2 P1 Y4\n(PRINT, %d#31 #5222)\nM2";
+    let file = "31 7\n5161 3\n5210 0\n5220 1\n5222 2.0\n";
+    check(&[
+        (&with(program, file), "(MSG, 7 0 2 3); G10 L2 P1 Y4; (MSG, 8 4); M2", &[]),
+        (
+            &with("M2", "5210 1\n5220 2"),
+            "M2",
+            &[
+                "the parameter file has G92 in force, and programs begin without",
+                "the parameter file selects work system 2; programs begin in G54",
+            ],
+        ),
+        // What the machine has stored since is not known any more.
+        (
+            &with(
+                "G0 X1\nG28.1\n(DEBUG, #5161)\nG10 L20 P1 X0\n(DEBUG, #5221)\nM2",
+                "5161 3\n5221 4",
+            ),
+            "rapid X1 Y0 Z0 named X; G28.1; (MSG, ######); G10 L20 P1 X0; (MSG, ######); M2",
+            &[
+                "#5161 is a stored position of the machine, which is known only there or from a \
+                 parameter file: the message shows ######",
+                "#5221 is a work offset of the machine, which is known only there or from a \
+                 parameter file: the message shows ######",
+            ],
+        ),
+    ]);
+    let loaded = read(&with("M2", "5250 30"));
+    assert!(!loaded.is_accepted());
+    assert_eq!(loaded.findings[0].message, "the parameter file rotates work system 2: #5250=30");
+}
+
+#[test]
+fn polar_words_stand_for_x_and_y() {
+    check(&[
+        (
+            "G0 X0 Y5\nG0 @10 ^90\nG0 ^0\nG0 @4\nG91 G0 @1 ^90\nG90 G0 @-5 ^180 Z1\nM2",
+            "rapid X0 Y5 Z0 named XY; rapid X0 Y10 Z0 named XY; rapid X10 Y0 Z0 named XY; \
+             rapid X4 Y0 Z0 named XY; rapid X0 Y5 Z0 named XY; rapid X5 Y0 Z1 named XYZ; M2",
+            &[],
+        ),
+        (
+            "G52 X1 Y2\n#1=5\nG20 G0 @#1 ^[45*2]\nG7 G18 G0 @1 ^0\nM2",
+            "rapid X1 Y129 Z0 named XY; plane zx; rapid X26.4 Y2 Z0 named XY; M2",
+            &[],
+        ),
+    ]);
+    check_bad(&[
+        ("G0 @5 X1\nM2", &[("@5", "@5 and X in one block")]),
+        ("G0 @\nM2", &[("@", "`@` has no number")]),
+        ("G0 @1 ^3 @2\nM2", &[("@2", "@ twice in one block")]),
+        ("G53 G0 @5 ^10\nM2", &[("@5", "@5 in a block that is no move")]),
+        ("G92 ^10\nM2", &[("^10", "^10 in a block that is no move")]),
+        ("G0 X0 Y0\nG91 G0 @5\nM2", &[("@5", "@5 at the zero, where there is no angle")]),
+        (
+            "G28\nG0 ^5\nM2",
+            &[(
+                "G0 ^5",
+                "this move starts from where XY are, which is not known since G28 in line 1",
+            )],
+        ),
+        ("G0 X0 Y0\nG0 @5\nM2", &[("@5", "@5 at the zero, where there is no angle")]),
+        (
+            "F100 G0 X5 Y0 Z5\nG91 G81 ^10 R-1 Z-3 L5\nM2",
+            &[("^10", "^10 in a cycle that is repeated with L")],
+        ),
+        ("G0 @[1/0] ^5\nM2", &[("/0", "a division by zero")]),
+        ("G0 @9999999 ^5\nM2", &[("@9999999", "@9999999 is beyond 1000000 mm")]),
+        (
+            "F100 T1 M6\nG0 X0 Y20\nG41 G1 Y0\nG1 ^5\nG40 Y9\nM2",
+            &[("^5", "^5 counts from where the tool is, under cutter radius compensation")],
+        ),
+    ]);
+}
