@@ -354,8 +354,11 @@ impl<T> Link<T> {
         let is_quiet = self.answers <= FEW_ANSWERS || self.would_be_quiet(now);
         let since = self.health.looked_at_since(now);
         let fault = self.health.on_status(now, &status, kind, self.in_flight.len());
-        if oldest.is_some() && is_quiet {
-            self.health.ask_again_within(self.config.busy_poll_interval());
+        if oldest.is_some() {
+            self.health.ask_again_within(match is_quiet {
+                true => self.config.busy_poll_interval(),
+                false => self.config.crowded_poll_interval(),
+            });
         }
         self.answers = 0;
         self.events.push_back(LinkEvent::Status { report: Box::new(status), since });

@@ -50,6 +50,8 @@ pub struct Board {
     /// The unit that reports are printed in.
     pub units: ReportUnits,
     pub rates: Rates,
+    /// The least and the most that the spindle turns at (`$31`, `$30`), 1/min.
+    pub speeds: [f64; 2],
 }
 
 /// What a status report says.
@@ -252,7 +254,8 @@ impl PathWatch {
 
     /// Judges the words in force, `reported` after `GC:` among the answers.
     pub fn judge_words(&self, reported: &str, units: ReportUnits) -> Option<Deviation> {
-        let (is, sent) = parser_state::differs(&self.parsed.words, reported, units)?;
+        let (is, sent) =
+            parser_state::differs(&self.parsed.words, reported, units, self.board.speeds)?;
         let before = self
             .moves
             .iter()

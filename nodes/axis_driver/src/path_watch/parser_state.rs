@@ -8,11 +8,13 @@ use cnc_msgs::geometry::Plane;
 
 /// The first word that is not what was sent: what the controller says, and what was sent.
 /// `reported` is what follows `GC:`; words that no line has said are not compared, nor is
-/// coolant, which a button at the machine may switch.
+/// coolant, which a button at the machine may switch. `speeds`: the least and the most that the
+/// spindle turns at (`$31`, `$30`).
 pub(super) fn differs(
     sent: &WordsInForce,
     reported: &str,
     units: ReportUnits,
+    speeds: [f64; 2],
 ) -> Option<(String, String)> {
     let words: Vec<&str> = reported.split_ascii_whitespace().collect();
     let group = |known: &[&str], wanted: Option<&str>| {
@@ -36,6 +38,9 @@ pub(super) fn differs(
         SpindleMode::CounterClockwise => "M4",
         SpindleMode::Off => "M5",
     });
+    // Some firmwares say S0 of a spindle that is off, and clamp what they cannot turn.
+    let turns = !matches!(sent.spindle, None | Some(SpindleMode::Off));
+    let is_in_range = |speed: f64| (speeds[0]..=speeds[1]).contains(&speed);
     let number = |letter: char, wanted: Option<f64>, scale: f64| {
         let wanted = wanted?;
         let text = words.iter().find_map(|word| word.strip_prefix(letter))?;
@@ -51,13 +56,14 @@ pub(super) fn differs(
         .or_else(|| group(&["G20", "G21"], metric))
         .or_else(|| group(&["M3", "M4", "M5"], spindle))
         .or_else(|| number('F', sent.feed, units.millimetres()))
-        .or_else(|| number('S', sent.speed, 1.0))
+        .or_else(|| number('S', sent.speed.filter(|speed| turns && is_in_range(*speed)), 1.0))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const SPEEDS: [f64; 2] = [100.0, 24_000.0];
     const REPORTED: &str = "G1 G55 G17 G21 G90 G94 M3 M9 T0 F1200 S5000.";
 
     #[test]
@@ -72,7 +78,7 @@ mod tests {
             speed: Some(5000.0),
             spindle: Some(SpindleMode::Clockwise),
         };
-        let check = |sent: WordsInForce| differs(&sent, REPORTED, ReportUnits::Millimetres);
+        let check = |sent: WordsInForce| differs(&sent, REPORTED, ReportUnits::Millimetres, SPEEDS);
         assert_eq!(check(sent), None);
         assert_eq!(check(WordsInForce::default()), None);
         for (sent, wanted) in [
@@ -89,6 +95,13 @@ mod tests {
             assert_eq!((is.as_str(), was_sent.as_str()), wanted);
         }
         let inches = "G1 F47.244";
-        assert_eq!(differs(&sent, inches, ReportUnits::Inches), None);
+        assert_eq!(differs(&sent, inches, ReportUnits::Inches, SPEEDS), None);
+        for free in [
+            WordsInForce { speed: Some(30_000.0), ..sent },
+            WordsInForce { speed: Some(50.0), ..sent },
+            WordsInForce { speed: Some(500.0), spindle: None, ..sent },
+        ] {
+            assert_eq!(check(free), None, "{free:?}");
+        }
     }
 }

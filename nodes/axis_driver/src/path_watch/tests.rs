@@ -9,6 +9,7 @@ fn board() -> Board {
         steps_per_mm: [Some(250.0); 3],
         units: ReportUnits::Millimetres,
         rates: Rates([5_000.0; 3]),
+        speeds: [0.0, 24_000.0],
     }
 }
 

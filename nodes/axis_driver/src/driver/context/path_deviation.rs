@@ -30,12 +30,14 @@ impl OnPathDeviation {
 impl Machine {
     /// A watch of a run that begins now, with the machine at rest.
     pub(in crate::driver) fn path_watch(&self, units: ReportUnits) -> PathWatch {
+        let setting = |number: u16| self.settings.get(&number).copied();
         let board = Board {
             planner_blocks: self.reported_planner_blocks(),
             arc_tolerance_mm: self.board().arc_tolerance_mm,
-            steps_per_mm: [100, 101, 102].map(|number| self.settings.get(&number).copied()),
+            steps_per_mm: [100, 101, 102].map(setting),
             units,
             rates: Rates(self.fastest_mm_per_min()),
+            speeds: [setting(31).unwrap_or(0.0), setting(30).unwrap_or(f64::INFINITY)],
         };
         PathWatch::new(board, self.frame(), self.machine_position())
     }
