@@ -38,7 +38,10 @@ fn attend(line: &mut Line, random: &mut Random) {
                     change_by_hand(line, random);
                 }
                 line.wait(random.between(0.1, 2.0));
-                line.ask(Command::ConfirmToolChange { objection: None }).expect("confirmed");
+                // A hold that was asked for just before has to end first.
+                if line.ask(Command::ConfirmToolChange { objection: None }).is_err() {
+                    line.ask_resume();
+                }
             }
             Mode::Hold if !line.ask_resume() => line.wait(0.1),
             Mode::Door => {
@@ -85,7 +88,11 @@ fn change_by_hand(line: &mut Line, random: &mut Random) {
     for (frame, target) in jogs {
         let request = JogRequest { frame, axes: AxisSet::ALL, target, feed_mm_per_min: 1_500.0 };
         line.moved = None;
-        line.ask(Command::Jog(request)).expect("a jog");
+        if line.ask(Command::Jog(request)).is_err() {
+            // A hold that was asked for just before has to end first.
+            line.ask_resume();
+            return;
+        }
         assert_eq!(line.move_result().outcome, RunOutcome::Succeeded);
     }
 }
