@@ -17,6 +17,18 @@ use virtual_controller::{Build, Controller, Fault, FaultInjector, LineTiming, Pa
 /// The longest that a test waits for anything, machine time.
 const TIMEOUT: Duration = Duration::from_secs(6 * 3_600);
 
+/// Changes what the driver writes on its way to the controller, once: `None` leaves it, and waits
+/// for what comes next.
+pub struct Spoil(Box<Change>);
+
+type Change = dyn FnMut(&[u8]) -> Option<Vec<u8>>;
+
+impl std::fmt::Debug for Spoil {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Spoil")
+    }
+}
+
 /// Both ends of a line.
 #[derive(Debug)]
 pub struct Line {
@@ -36,7 +48,11 @@ pub struct Line {
     pub written: Vec<(Duration, Vec<u8>)>,
     pub log: Vec<String>,
     keeps_written: bool,
+    /// A feed hold was written since somebody asked.
+    has_held: bool,
+    wrote_at: Duration,
     next_id: u64,
+    spoil: Option<Spoil>,
 }
 
 impl Line {
@@ -58,7 +74,10 @@ impl Line {
             written: Vec::new(),
             log: Vec::new(),
             keeps_written: true,
+            has_held: false,
+            wrote_at: Duration::ZERO,
             next_id: 1,
+            spoil: None,
         };
         line.handle(Input::PortOpened);
         line
@@ -82,7 +101,13 @@ impl Line {
         while let Some(output) = self.driver.poll_output() {
             match output {
                 Output::Transmit(bytes) => {
-                    self.controller.receive(self.now, &bytes);
+                    self.wrote_at = self.now;
+                    self.has_held |= bytes.contains(&b'!');
+                    let spoilt = self.spoil.as_mut().and_then(|spoil| spoil.0(&bytes));
+                    if spoilt.is_some() {
+                        self.spoil = None;
+                    }
+                    self.controller.receive(self.now, spoilt.as_ref().unwrap_or(&bytes));
                     if self.keeps_written {
                         self.written.push((self.now, bytes));
                     }
@@ -114,16 +139,53 @@ impl Line {
         self.controller.device_mut().inject(self.now, action);
     }
 
+    /// Whether a feed hold was written since this was asked last.
+    pub fn has_held(&mut self) -> bool {
+        std::mem::take(&mut self.has_held)
+    }
+
+    /// Changes what the driver writes next, once.
+    pub fn spoil_next(&mut self, spoil: impl FnMut(&[u8]) -> Option<Vec<u8>> + 'static) {
+        self.spoil = Some(Spoil(Box::new(spoil)));
+    }
+
+    /// Whether what was to be changed has not come yet.
+    pub fn is_spoil_due(&self) -> bool {
+        self.spoil.is_some()
+    }
+
+    /// Lets bytes of another sender reach the controller, which answers that sender alone.
+    pub fn other_sender(&mut self, text: &str) {
+        // Not in the middle of a line of the driver.
+        let quiet = Duration::from_millis(20);
+        self.until("the wire is free", |line| line.now >= line.wrote_at + quiet);
+        self.inject("mute:ok");
+        let now = self.now;
+        self.controller.device_mut().controller_mut().receive(now, text.as_bytes());
+    }
+
     /// Where the axes really are in the controller's own count, mm.
     pub fn axes(&self) -> [f64; 3] {
         self.controller.device().controller().position()
     }
 
+    /// When either end has something to do.
+    fn next_event(&self) -> Option<Duration> {
+        self.driver.next_deadline().into_iter().chain(self.controller.next_event()).min()
+    }
+
+    /// Goes to the next event of either end, but no farther than this.
+    pub fn step_within(&mut self, most: Duration) {
+        if self.next_event().is_some_and(|next| next <= self.now + most) {
+            return self.step();
+        }
+        self.now += most;
+        self.controller.advance(self.now);
+    }
+
     /// Goes to the next event of either end.
     pub fn step(&mut self) {
-        let timer = self.driver.next_deadline();
-        let event = self.controller.next_event();
-        let next = timer.into_iter().chain(event).min().unwrap_or(self.now);
+        let next = self.next_event().unwrap_or(self.now);
         self.now = self.now.max(next) + Duration::from_nanos(1);
         self.controller.advance(self.now);
         let mut bytes = Vec::new();

@@ -4,7 +4,7 @@
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
-    Command, DriverConfig, OffsetRequest, ProbeRequest, RunOutcome, RunResult,
+    Command, DriverConfig, OffsetRequest, OnPathDeviation, ProbeRequest, RunOutcome, RunResult,
 };
 use cnc_msgs::contour::{Action, SpindleMode};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
@@ -260,7 +260,10 @@ fn nothing_after_a_refused_line_is_drawn_where_the_firmware_skips_it() {
     let mut refused = 0;
     for mask in [509, 511] {
         for place in 0..40 {
-            let mut line = connected(Firmware::GrblHal, mask, DriverConfig::default());
+            // A line that is executed wrongly is another matter.
+            let on_path_deviation = OnPathDeviation::Off;
+            let config = DriverConfig { on_path_deviation, ..DriverConfig::default() };
+            let mut line = connected(Firmware::GrblHal, mask, config);
             let zero = line.axes();
             line.controller.device_mut().controller_mut().keep_drawn();
             let path = straight(200, 1.0);

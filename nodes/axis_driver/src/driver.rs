@@ -42,6 +42,7 @@ pub use command::Command;
 pub use context::commander::{COMMANDER_LOST, OnCommanderLoss};
 pub use context::config::DriverConfig;
 pub use context::overrides::Overrides;
+pub use context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
 pub use context::ros_loss::{OnRosLoss, ROS_LOST};
 pub use manual::lines::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
 pub use output::{ControllerSettings, LogLevel, MoveResult, Offset, Output, RunOutcome, RunResult};

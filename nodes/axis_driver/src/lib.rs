@@ -22,6 +22,7 @@ pub mod link;
 pub mod motion;
 #[cfg(feature = "node")]
 pub mod node;
+pub mod path_watch;
 pub mod protocol;
 pub mod report;
 #[cfg(feature = "node")]

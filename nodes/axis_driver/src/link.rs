@@ -358,16 +358,31 @@ impl<T> Link<T> {
         };
         let disagreement = self.buffer.on_status(&status, counted, self.receive_bytes);
         let kind = oldest.map(|sent| sent.kind);
+        let is_quiet = self.answers <= FEW_ANSWERS || self.would_be_quiet(now);
         let since = self.health.looked_at_since(now);
         let fault = self.health.on_status(now, &status, kind, self.in_flight.len());
-        if oldest.is_some() && self.answers <= FEW_ANSWERS {
-            self.health.ask_again_within(self.config.busy_poll_interval());
+        if oldest.is_some() {
+            self.health.ask_again_within(match is_quiet {
+                true => self.config.busy_poll_interval(),
+                false => self.config.crowded_poll_interval(),
+            });
         }
         self.answers = 0;
         self.events.push_back(LinkEvent::Status { report: Box::new(status), since });
         if let Some(fault) = fault.or(disagreement).filter(|_| !self.is_forgiving) {
             self.events.push_back(LinkEvent::Fault(fault));
         }
+    }
+
+    /// Whether few answers would come between two reports at the short interval, though many came
+    /// in a long one.
+    fn would_be_quiet(&self, now: Duration) -> bool {
+        let Some(last) = self.health.last_status_at().filter(|_| self.config.watches_path) else {
+            return false;
+        };
+        let share = now.saturating_sub(last).as_secs_f64();
+        let answers = f64::from(self.answers) * self.config.busy_poll_interval().as_secs_f64();
+        answers <= f64::from(FEW_ANSWERS) * share
     }
 
     fn on_answer(&mut self, error: Option<u16>) {

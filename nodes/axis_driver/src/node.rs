@@ -26,7 +26,9 @@ pub use crate::journal::kind_from_wire;
 pub use parameters::driver_config;
 pub(crate) use parameters::{declared, serial_config};
 
-use crate::driver::{COMMANDER_LOST, ControllerSettings, LogLevel, Output, ROS_LOST, Refusal};
+use crate::driver::{
+    COMMANDER_LOST, ControllerSettings, LogLevel, Output, PATH_DEVIATION, ROS_LOST, Refusal,
+};
 use crate::journal::{Order, ReplanOrder};
 use crate::motion::{self, FACE_VARIABLE};
 use crate::serial::Event;
@@ -426,7 +428,7 @@ impl RemoteDriver {
                 Mode::Unknown | Mode::Alarm => HealthLevel::Error,
                 Mode::Disconnected => HealthLevel::Warn,
                 _ if state.needs_reset
-                    || [COMMANDER_LOST, ROS_LOST]
+                    || [COMMANDER_LOST, PATH_DEVIATION, ROS_LOST]
                         .iter()
                         .any(|lost| state.reason.starts_with(lost)) =>
                 {

@@ -2,7 +2,7 @@
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
-    Command, DriverConfig, Output, Refusal, RunOutcome, RunRequest, RunResult,
+    Command, DriverConfig, OnPathDeviation, Output, Refusal, RunOutcome, RunRequest, RunResult,
 };
 use axis_driver::journal::{Entry, EntryKind, replay};
 use axis_driver::serial::{Event, Reopen, Serial, SerialConfig};
@@ -136,6 +136,11 @@ struct Shell {
     is_ready_to_close: bool,
 }
 
+/// The controller here has no axes to be compared with a path.
+fn config() -> DriverConfig {
+    DriverConfig { on_path_deviation: OnPathDeviation::Off, ..DriverConfig::default() }
+}
+
 impl Shell {
     fn new(path: &str, reopen: Reopen) -> Self {
         let config = SerialConfig {
@@ -143,7 +148,7 @@ impl Shell {
             dtr: Some(true),
             rts: Some(true),
             reopen,
-            driver: DriverConfig::default(),
+            driver: config(),
         };
         let (events_in, events) = sync_channel(1024);
         let (journal_in, journal) = sync_channel(100_000);
@@ -244,7 +249,7 @@ fn a_run_over_a_terminal_succeeds_and_its_journal_plays_again_to_the_same_bytes(
         shell.entries.last().is_some_and(|entry| entry.kind == EntryKind::Closed)
     });
     let entries = &shell.entries;
-    let again = replay(entries, &|_, _| Some(path.clone()), DriverConfig::default()).unwrap();
+    let again = replay(entries, &|_, _| Some(path.clone()), config()).unwrap();
     assert_eq!(again.first_difference(entries), None);
     let written: Vec<u8> = entries
         .iter()

@@ -161,6 +161,7 @@ fn config(traits: &Traits, random: &mut Random) -> LinkConfig {
         poll_interval_ms: *random.of(&[100, 200, 500]),
         busy_poll_interval_ms: *random.of(&[0, 50, 100]),
         line_check_interval_ms: 0,
+        watches_path: random.once_in(2),
     }
 }
 

@@ -54,3 +54,5 @@ pub const STOPPED_SHORT: u16 = 326;
 pub const NOT_ACTIVE: u16 = 327;
 /// A place of the machine frame was named, and the axes are not homed.
 pub const NOT_HOMED: u16 = 328;
+/// The tool is not where the lines that were sent have taken it.
+pub const PATH_DEVIATION: u16 = 329;

@@ -11,6 +11,7 @@ pub(super) mod machine;
 pub(super) mod obstacles;
 pub(super) mod offsets;
 pub(super) mod overrides;
+pub(super) mod path_deviation;
 pub(super) mod place;
 pub(super) mod queries;
 pub(super) mod ros_loss;

@@ -5,6 +5,7 @@
 //! that is known of the controller is asked for again. Not homed it stays until it is homed
 //! or says itself that it is; an unlock does not change that.
 
+use super::context::path_deviation::OnPathDeviation;
 use super::context::place::{Belief, Circumstances, show};
 use super::context::{Context, Origin};
 use super::output::LogLevel;
@@ -30,6 +31,7 @@ impl Driver {
         }
         let belief = self.judge_place(&report, since);
         if belief == Belief::Doubted {
+            self.context.keep_offset(&report);
             return self.context.link.ask_status(self.context.now);
         }
         match self.phase {
@@ -97,8 +99,11 @@ impl Driver {
     }
 
     /// The words in force have fallen back: F is zero only after a start.
-    pub(super) fn on_parser_state(&mut self, words: &str) {
-        let words = ModalWords::read(words);
+    pub(super) fn on_parser_state(&mut self, text: &str) {
+        let words = ModalWords::read(text);
+        if let Phase::Running(run) = &mut self.phase {
+            run.watch_words(&mut self.context, text);
+        }
         let before = self.context.machine.words.replace(words);
         if self.phase.is_unsettled() {
             return;
@@ -192,6 +197,15 @@ impl Driver {
 }
 
 impl Context {
+    /// A work position is farther away than the axes can have gone where its frame was
+    /// changed: the new offset comes in the same report, and in no other for a while.
+    fn keep_offset(&mut self, report: &StatusReport) {
+        let is_watched = self.config.on_path_deviation != OnPathDeviation::Off;
+        if is_watched && report.machine_position.is_none() {
+            self.machine.work_offset = report.work_offset.or(self.machine.work_offset);
+        }
+    }
+
     /// Before the settings are read, decimals show the unit. False for a report that was read
     /// in another.
     fn takes_units(&mut self, report: &StatusReport) -> bool {

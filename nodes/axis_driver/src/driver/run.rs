@@ -16,6 +16,7 @@ pub(super) mod request;
 mod start;
 mod stream;
 pub(super) mod tool_change;
+mod watch;
 
 use super::context::Context;
 use super::context::machine::Machine;
@@ -31,6 +32,7 @@ use replan::Replan;
 use request::RunRequest;
 use std::time::Duration;
 use tool_change::ToolChange;
+use watch::RunWatch;
 
 /// Owns a path on its way to the machine: the encoder, the line that waits for room, and
 /// the stage that the run is in.
@@ -61,6 +63,7 @@ pub(super) struct ProgramRun {
     estimate: Estimate,
     total_s: f64,
     progress: Option<(u32, f64)>,
+    watch: RunWatch,
 }
 
 /// What is encoded and waits for room.
@@ -166,6 +169,7 @@ impl ProgramRun {
             estimate,
             total_s: 0.0,
             progress: None,
+            watch: RunWatch::default(),
         }
     }
 
@@ -217,11 +221,19 @@ impl ProgramRun {
     pub(super) fn release(&mut self) {
         self.is_held = false;
         self.hold_reason = None;
+        self.forgive_deviation();
     }
 
     /// Holds, and says why.
     pub(super) fn hold(&mut self, context: &mut Context, reason: &str) {
         self.set_hold_reason(reason);
+        context.send_hold();
+    }
+
+    /// Holds for a reason that says itself what may be done.
+    fn hold_for(&mut self, context: &mut Context, reason: String) {
+        self.is_held = true;
+        self.hold_reason = Some(reason);
         context.send_hold();
     }
 

@@ -10,6 +10,11 @@ const REPORT_LATENCY_MS: u64 = 40;
 pub(super) const BITS_PER_BYTE: u64 = 10;
 /// Reports take at most this part of what the line carries: one in so many bytes.
 const REPORT_SHARE: u64 = 10;
+/// The same where they are compared with the path; they are asked for so often only while the line
+/// has little else to carry.
+const WATCHED_REPORT_SHARE: u64 = 5;
+/// And while it carries many answers, which a report delays.
+const CROWDED_REPORT_SHARE: u64 = 20;
 
 /// What the line is like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +32,8 @@ pub struct LinkConfig {
     pub busy_poll_interval_ms: u32,
     /// Time between two checks among the lines of a stream, ms; 0: there are none.
     pub line_check_interval_ms: u32,
+    /// Whether every report is compared with the path: what is wrong is seen in the next one.
+    pub watches_path: bool,
 }
 
 impl LinkConfig {
@@ -39,7 +46,20 @@ impl LinkConfig {
             ms => u64::from(ms),
         };
         let report_ms = REPORT_BYTES_MAX * BITS_PER_BYTE * 1000 / u64::from(self.baud.max(1));
-        Duration::from_millis(wanted.max(report_ms * REPORT_SHARE).min(at_rest))
+        let share = if self.watches_path { WATCHED_REPORT_SHARE } else { REPORT_SHARE };
+        Duration::from_millis(wanted.max(report_ms * share).min(at_rest))
+    }
+
+    /// The same while the line has much else to carry: as at rest, or where reports are compared
+    /// with the path as often as it carries them.
+    pub(super) fn crowded_poll_interval(&self) -> Duration {
+        let at_rest = u64::from(self.poll_interval_ms);
+        let report_ms = REPORT_BYTES_MAX * BITS_PER_BYTE * 1000 / u64::from(self.baud.max(1));
+        let shared = Duration::from_millis((report_ms * CROWDED_REPORT_SHARE).min(at_rest));
+        match self.watches_path {
+            true => shared.max(self.busy_poll_interval()),
+            false => Duration::from_millis(at_rest),
+        }
     }
 
     /// Whether the report to a request comes long before the next request, where nothing

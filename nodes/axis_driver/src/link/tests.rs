@@ -13,6 +13,7 @@ const CONFIG: LinkConfig = LinkConfig {
     poll_interval_ms: 200,
     busy_poll_interval_ms: 0,
     line_check_interval_ms: 0,
+    watches_path: false,
 };
 
 fn ms(ms: u64) -> Duration {

@@ -1,6 +1,6 @@
 //! The driver's parameters and what they make of the driver.
 
-use crate::driver::{DriverConfig, OnCommanderLoss, OnRosLoss};
+use crate::driver::{DriverConfig, OnCommanderLoss, OnPathDeviation, OnRosLoss};
 use crate::encoder::EncoderConfig;
 use crate::serial::{Reopen, SerialConfig};
 use runtime::parameters::{Declared, ParameterValue};
@@ -138,6 +138,13 @@ pub(crate) fn declared() -> Vec<Declared> {
         )
         .integer_within(100, 600_000),
         Declared::new(
+            "on_path_deviation",
+            "hold",
+            "what to do when a report shows the tool where no line that was sent can have taken \
+             it, or other words in force than were sent: hold, log or off",
+        )
+        .one_of(&OnPathDeviation::WORDS.map(|(word, _)| word)),
+        Declared::new(
             "line_numbers",
             encoder.line_numbers,
             "whether lines carry N words, for controllers that report Ln; costs some 6 bytes a line",
@@ -238,6 +245,14 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
             _ => default.on_ros_loss,
         },
         ros_loss_timeout_ms: integer("ros_loss_timeout_ms", default.ros_loss_timeout_ms),
+        on_path_deviation: match get("on_path_deviation") {
+            ParameterValue::String(word) => {
+                let found = OnPathDeviation::WORDS.iter().find(|(name, _)| *name == word);
+                found.map_or(default.on_path_deviation, |(_, policy)| *policy)
+            }
+            // A node of before, whose parameters are in a bag, had no watch.
+            _ => OnPathDeviation::Off,
+        },
         encoder: EncoderConfig {
             position_mm_max: double("position_mm_max", default.encoder.position_mm_max),
             feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),

@@ -6,7 +6,7 @@
 use super::place::{Position, SLACK_ANSWERS, Stand, Watch, WatchPlace};
 use super::run::{Event, Happened, RunHistory};
 use super::track::{REPORT_MM, Track};
-use axis_driver::driver::{COMMANDER_LOST, Command, Overrides};
+use axis_driver::driver::{COMMANDER_LOST, Command, Overrides, PATH_DEVIATION};
 use axis_driver::encoder::PREAMBLE;
 use axis_driver::link::realtime::{FEED_HOLD, RESUME, SOFT_RESET};
 use axis_driver::report::{ControllerState, Report, StatusReport};
@@ -135,7 +135,11 @@ pub(super) fn script(recording: &Recording, run: &RunHistory<'_>) -> Result<Scri
         }
     }
     for (at_ns, state) in &run.states {
-        for (word, what) in [(COMMANDER_LOST, "a lost commander"), ("LINK_LOST", "a lost link")] {
+        for (word, what) in [
+            (COMMANDER_LOST, "a lost commander"),
+            ("LINK_LOST", "a lost link"),
+            (PATH_DEVIATION, "a deviation from the path"),
+        ] {
             if *at_ns <= end_ns && state.reason.starts_with(word) {
                 let line = state.line;
                 return Err(ReplayError::Unplayable { what: format!("{what} at line {line}") });

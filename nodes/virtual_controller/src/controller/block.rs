@@ -113,10 +113,13 @@ impl Controller {
                 let at = self.parser.position_in_machine;
                 after_motion(Action::StorePosition { g30: *g30, at });
             }
-            Some(NonModal::GoTo { g30, over }) => {
+            Some(NonModal::GoTo { g30, over, named }) => {
                 let systems = &self.memory.systems;
-                let end = if *g30 { systems.g30 } else { systems.g28 };
+                let mut end = if *g30 { systems.g30 } else { systems.g28 };
                 if let Some(over) = over {
+                    for axis in (0..named.len()).filter(|axis| !named[*axis]) {
+                        end[axis] = over[axis];
+                    }
                     self.queue_line(*over, ProgrammedSpeed::Rapid, block.line_number);
                 }
                 self.queue_line(end, ProgrammedSpeed::Rapid, block.line_number);

@@ -3,6 +3,7 @@
 //! | action | does |
 //! |---|---|
 //! | `rx-drop` `rx-duplicate` `rx-corrupt` | loses, doubles or changes a byte to the controller |
+//! | `rx-digit` | the next digit to the controller becomes another digit |
 //! | `tx-drop` `tx-duplicate` `tx-corrupt` | the same for a byte from the controller |
 //! | `lose-ok` `extra-ok` | loses an answer, sends one more |
 //! | `lose-line` `extra-line` | loses a whole line to the controller, passes one on twice |
@@ -48,6 +49,8 @@ pub enum ByteFault {
     Duplicate,
     /// One of its bits is wrong.
     Corrupt,
+    /// It, or the next one that is a digit, becomes another digit.
+    Digit,
 }
 
 /// What fails.
@@ -141,7 +144,7 @@ pub enum FaultError {
     NoTrigger(String),
     /// The action is not in the table.
     #[error(
-        "unknown fault action `{0}`; use rx-drop, rx-duplicate, rx-corrupt, tx-drop, \
+        "unknown fault action `{0}`; use rx-drop, rx-duplicate, rx-corrupt, rx-digit, tx-drop, \
          tx-duplicate, tx-corrupt, rx-delay:SECONDS, tx-delay:SECONDS, lose-ok, extra-ok, \
          lose-line, extra-line, mute:TEXT, garble:TEXT, silent[:SECONDS], push:TEXT, alarm:N, \
          reset, limit:AXIS, release:AXIS, cut:AXIS, door, \
@@ -197,6 +200,7 @@ impl FromStr for FaultAction {
             "rx-drop" => byte(Direction::ToController, ByteFault::Drop),
             "rx-duplicate" => byte(Direction::ToController, ByteFault::Duplicate),
             "rx-corrupt" => byte(Direction::ToController, ByteFault::Corrupt),
+            "rx-digit" => byte(Direction::ToController, ByteFault::Digit),
             "tx-drop" => byte(Direction::FromController, ByteFault::Drop),
             "tx-duplicate" => byte(Direction::FromController, ByteFault::Duplicate),
             "tx-corrupt" => byte(Direction::FromController, ByteFault::Corrupt),
@@ -306,6 +310,10 @@ mod tests {
         assert_eq!(
             read("rx-corrupt@rate=0.001").action,
             FaultAction::Byte(Direction::ToController, ByteFault::Corrupt)
+        );
+        assert_eq!(
+            read("rx-digit@byte=40").action,
+            FaultAction::Byte(Direction::ToController, ByteFault::Digit)
         );
         assert_eq!(read("limit:X@byte=7").action, FaultAction::Limit(0));
         assert_eq!(

@@ -221,6 +221,10 @@ impl FaultInjector {
     fn apply_byte_faults(&mut self, direction: Direction, byte: u8, number: u64) -> Vec<u8> {
         let mut bytes = vec![byte];
         let spoils = self.due(|fault, chance| match (&fault.action, fault.trigger) {
+            (FaultAction::Byte(_, ByteFault::Digit), _) if !byte.is_ascii_digit() => false,
+            (FaultAction::Byte(of, ByteFault::Digit), Trigger::Byte(at)) => {
+                *of == direction && at <= number
+            }
             (FaultAction::Byte(of, _), Trigger::Byte(at)) => *of == direction && at == number,
             (FaultAction::Byte(of, _), Trigger::Rate(rate)) => {
                 *of == direction && chance.hits(rate)
@@ -231,6 +235,11 @@ impl FaultInjector {
             match spoil {
                 FaultAction::Byte(_, ByteFault::Drop) => bytes.clear(),
                 FaultAction::Byte(_, ByteFault::Duplicate) => bytes.push(byte),
+                FaultAction::Byte(_, ByteFault::Digit) => {
+                    let other = 1 + self.chance.next() % 9;
+                    let digit = (u64::from(byte - b'0') + other) % 10;
+                    bytes.iter_mut().for_each(|byte| *byte = b'0' + digit as u8);
+                }
                 FaultAction::Byte(_, ByteFault::Corrupt) => {
                     let bit = self.chance.next() % 7;
                     bytes.iter_mut().for_each(|byte| *byte ^= 1 << bit);

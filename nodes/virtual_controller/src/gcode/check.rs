@@ -65,10 +65,11 @@ pub(crate) enum NonModal {
         system: usize,
         offset: Vector,
     },
-    /// G28 or G30, through an intermediate point if there are axis words.
+    /// G28 or G30; with axis words through an intermediate point, and only these axes go on.
     GoTo {
         g30: bool,
         over: Option<Vector>,
+        named: [bool; AXES],
     },
     /// G28.1 or G30.1.
     Store {
@@ -275,7 +276,8 @@ fn non_modal(
         Some(ZeroGroup::ClearG92) => Some(NonModal::SetG92([0.0; AXES])),
         Some(ZeroGroup::Store { g30 }) => Some(NonModal::Store { g30 }),
         Some(ZeroGroup::GoTo { g30 }) => {
-            Some(NonModal::GoTo { g30, over: w.has_axis().then_some(target) })
+            let named = std::array::from_fn(|axis| w.axis(axis).is_some());
+            Some(NonModal::GoTo { g30, over: w.has_axis().then_some(target), named })
         }
         Some(ZeroGroup::Dwell | ZeroGroup::MachineCoordinates) | None => None,
     })

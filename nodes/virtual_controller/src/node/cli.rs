@@ -68,7 +68,7 @@ struct Arguments {
     link: Option<PathBuf>,
     /// A fault: ACTION[:ARGUMENT]@TRIGGER=VALUE; may be repeated.
     ///
-    /// Actions: rx-drop, rx-duplicate, rx-corrupt (bytes to the controller), tx-drop,
+    /// Actions: rx-drop, rx-duplicate, rx-corrupt, rx-digit (bytes to the controller), tx-drop,
     /// tx-duplicate, tx-corrupt (bytes from it), rx-delay:SECONDS, tx-delay:SECONDS, lose-ok,
     /// extra-ok, lose-line, extra-line, mute:TEXT, garble:TEXT (the next line from it that contains
     /// the text), silent[:SECONDS], push:TEXT, alarm:N, reset, limit:AXIS, release:AXIS, cut:AXIS,

@@ -1,6 +1,7 @@
 //! The parameters of the driver, its timeouts and its tolerances.
 
 use super::commander::OnCommanderLoss;
+use super::path_deviation::OnPathDeviation;
 use super::ros_loss::OnRosLoss;
 use crate::encoder::EncoderConfig;
 use crate::link::LinkConfig;
@@ -60,6 +61,9 @@ pub struct DriverConfig {
     /// After this long without ROS the machine holds, where that is wanted, ms.
     #[serde(default = "ros_loss_timeout_ms")]
     pub ros_loss_timeout_ms: u32,
+    /// What is done when the machine is not where the lines that were sent can have taken it.
+    #[serde(default)]
+    pub on_path_deviation: OnPathDeviation,
 }
 
 const fn rate_margin() -> f64 {
@@ -81,7 +85,7 @@ impl Default for DriverConfig {
             hold_latency_ms_max: 20,
             receive_buffer_bytes: None,
             poll_interval_ms: 200,
-            busy_poll_interval_ms: 100,
+            busy_poll_interval_ms: 50,
             line_check_interval_ms: 500,
             reset_on_connect: true,
             encoder: EncoderConfig::default(),
@@ -94,6 +98,7 @@ impl Default for DriverConfig {
             rate_margin: rate_margin(),
             on_ros_loss: OnRosLoss::default(),
             ros_loss_timeout_ms: ros_loss_timeout_ms(),
+            on_path_deviation: OnPathDeviation::Hold,
         }
     }
 }
@@ -107,6 +112,7 @@ impl DriverConfig {
             poll_interval_ms: self.poll_interval_ms,
             busy_poll_interval_ms: self.busy_poll_interval_ms,
             line_check_interval_ms: self.line_check_interval_ms,
+            watches_path: self.on_path_deviation != OnPathDeviation::Off,
         }
     }
 }

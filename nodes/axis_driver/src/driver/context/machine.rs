@@ -76,6 +76,16 @@ pub(in crate::driver) struct Machine {
     /// Its last start found it unlocked.
     #[serde(default)]
     was_unlocked: bool,
+    /// What the last report had in it.
+    #[serde(skip)]
+    pub(in crate::driver) shown: Shown,
+}
+
+/// What a report itself shows, not what was worked out or remembered.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::driver) struct Shown {
+    pub(in crate::driver) work_offset: Option<Position>,
+    pub(in crate::driver) has_machine_position: bool,
 }
 
 impl Machine {
@@ -123,6 +133,10 @@ impl Machine {
     pub(in crate::driver) fn on_status(&mut self, mut report: StatusReport) {
         self.is_silent = false;
         self.is_lost = false;
+        self.shown = Shown {
+            work_offset: report.work_offset,
+            has_machine_position: report.machine_position.is_some(),
+        };
         if report.state != ControllerState::Alarm {
             self.alarm_code = 0;
         } else if self.alarm_code == 0 {
@@ -239,6 +253,11 @@ impl Machine {
 
     pub(in crate::driver) fn planner_blocks(&self) -> u16 {
         self.planner_blocks.unwrap_or(PLANNER_BLOCKS_DEFAULT)
+    }
+
+    /// The same, where the controller says so itself.
+    pub(in crate::driver) fn reported_planner_blocks(&self) -> Option<u16> {
+        self.planner_blocks
     }
 
     /// Planner blocks in use, if reports say so.

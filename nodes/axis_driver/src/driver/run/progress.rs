@@ -3,6 +3,7 @@
 use super::exit::{Exit, RunVerdict};
 use super::proof::Proven;
 use super::tool_change::ToolChange;
+use super::watch::EndOfLines;
 use super::{ProgramRun, Stage, Then};
 use crate::codes::{self, error_code};
 use crate::driver::context::config::{ANSWER, RECORDER, SETTLED, WORK_POSITION};
@@ -92,13 +93,16 @@ impl ProgramRun {
     /// Sends the first words of a run.
     fn send_preamble(&mut self, context: &mut Context) {
         self.stage = Stage::Preparing { until: context.now + ANSWER };
+        self.begin_watch(context);
         context.link.begin_stream(context.now, context.machine.firmware.traits().error_lasts);
         // A block during a tool change moves in the frame of the program that waits.
         if self.job.is_in_tool_change {
+            self.watch_line(PREAMBLE_IN_FRAME, 0, None);
             return context.link.send_line(PREAMBLE_IN_FRAME, LineKind::Slow, Origin::Preamble);
         }
         context.machine.work_system = None;
         context.machine.has_tool_length = None;
+        self.watch_line(PREAMBLE, 0, None);
         context.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
     }
 
@@ -155,6 +159,11 @@ impl ProgramRun {
         };
         let work_system = said.and_then(selected_system);
         context.machine.work_system = work_system.or(context.machine.work_system);
+        match &origin {
+            Origin::Preamble => self.watch_answer(context, PREAMBLE),
+            Origin::Program { text, .. } => self.watch_answer(context, text),
+            _ => {}
+        }
         match (origin, &self.stage) {
             (Origin::CheckMode, Stage::Preparing { .. }) => self.send_preamble(context),
             (Origin::Preamble, Stage::Preparing { .. }) => {
@@ -221,6 +230,11 @@ impl ProgramRun {
             }
             Stage::Settling { then, from } if is_idle && context.now >= *from => {
                 let then = then.clone();
+                match self.watch_end(context, &then) {
+                    EndOfLines::There => {}
+                    EndOfLines::Waits => return None,
+                    EndOfLines::Over(exit) => return Some(exit),
+                }
                 self.job.tracker.on_all_done();
                 context.machine.line = self.job.line();
                 self.show_messages(context);
@@ -230,6 +244,7 @@ impl ProgramRun {
             }
             _ => {}
         }
+        self.watch_report(context);
         self.report_progress(context);
         None
     }

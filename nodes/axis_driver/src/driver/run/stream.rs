@@ -91,6 +91,7 @@ impl ProgramRun {
                     self.job.has_sent = true;
                     self.is_alone = line.is_alone;
                     let EncodedLine { text, kind, element, source_line, events, .. } = line;
+                    self.watch_line(&text, source_line, element);
                     context.link.send_line(
                         &text.clone(),
                         kind,

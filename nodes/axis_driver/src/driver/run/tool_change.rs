@@ -109,6 +109,7 @@ impl ProgramRun {
         if let Err(problem) = pushed {
             return refused(error_code::NOT_ENCODABLE, problem.to_string());
         }
+        self.watch_from(context, change.is_touched);
         self.go_on();
         done(match way {
             ToolReturn::There => "the run goes on",

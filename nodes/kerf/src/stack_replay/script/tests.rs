@@ -220,6 +220,7 @@ fn events_that_cannot_be_played_are_rejected_by_name_line_and_time() {
     for (reason, says) in [
         ("LINK_LOST: the controller does not answer", "a lost link at line 3"),
         (COMMANDER_LOST, "a lost commander at line 3"),
+        (PATH_DEVIATION, "a deviation from the path at line 3"),
     ] {
         let lost = MachineState { reason: reason.into(), ..state(HOLD, 3, 1) };
         let refused = script_of(Vec::new(), &[(0, lost)]).unwrap_err().to_string();

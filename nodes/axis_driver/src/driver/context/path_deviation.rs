@@ -1,0 +1,64 @@
+//! What is done when the machine is not where the lines that were sent can have taken it.
+
+use super::machine::Machine;
+use crate::path_watch::{Board, Frame, PathWatch, Rates};
+use crate::report::ReportUnits;
+use serde::{Deserialize, Serialize};
+
+/// What is done when a report does not fit what was sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OnPathDeviation {
+    /// Nothing is compared. Drivers of before had no such watch.
+    #[default]
+    Off,
+    /// It is logged, and the run goes on.
+    Log,
+    /// The machine holds until it is resumed or the run is canceled.
+    Hold,
+}
+
+/// The first word of the reason when a deviation has caused the hold.
+pub const PATH_DEVIATION: &str = "PATH_DEVIATION";
+
+impl OnPathDeviation {
+    /// The words of the parameter.
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("hold", Self::Hold), ("log", Self::Log), ("off", Self::Off)];
+}
+
+impl Machine {
+    /// A watch of a run that begins now, with the machine at rest.
+    pub(in crate::driver) fn path_watch(&self, units: ReportUnits) -> PathWatch {
+        let setting = |number: u16| self.settings.get(&number).copied();
+        let board = Board {
+            planner_blocks: self.reported_planner_blocks(),
+            arc_tolerance_mm: self.board().arc_tolerance_mm,
+            steps_per_mm: [100, 101, 102].map(setting),
+            units,
+            rates: Rates(self.fastest_mm_per_min()),
+            speeds: [setting(31).unwrap_or(0.0), setting(30).unwrap_or(f64::INFINITY)],
+        };
+        PathWatch::new(board, self.frame(), self.machine_position())
+    }
+
+    /// The offsets as they are known now.
+    pub(in crate::driver) fn frame(&self) -> Frame {
+        let stored = |name: &str| {
+            self.offsets.iter().find(|offset| offset.name == name).map(|offset| offset.position)
+        };
+        let shift = self.shift();
+        let system = |index: usize| {
+            let zero = stored(&format!("G{}", 54 + index))?;
+            Some([0, 1, 2].map(|axis| zero[axis] + shift[axis]))
+        };
+        Frame {
+            systems: std::array::from_fn(system),
+            shift,
+            references: ["G28", "G30"].map(stored),
+            in_force: self.work_offset,
+            system: self.work_system,
+            tool_length_mm: (self.has_tool_length == Some(false)).then_some(0.0),
+        }
+    }
+}

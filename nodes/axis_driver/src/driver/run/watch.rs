@@ -1,0 +1,177 @@
+//! Watches that the tool is on the path: what the run says to the path watch, and what it does
+//! about what the watch finds.
+
+use super::exit::{Exit, RunVerdict};
+use super::{ProgramRun, Stage, Then};
+use crate::codes::error_code;
+use crate::driver::context::Context;
+use crate::driver::context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
+use crate::driver::output::LogLevel;
+use crate::path_watch::{Culprit, Deviation, PathWatch, Seen};
+use crate::report::ControllerState;
+
+/// The path watch of one run.
+#[derive(Debug, Default)]
+pub(super) struct RunWatch {
+    /// `None` where nothing is watched: the parameter says so, or nothing moves.
+    watch: Option<Box<PathWatch>>,
+    /// Something did not fit, and nobody has resumed since.
+    is_deviated: bool,
+}
+
+impl ProgramRun {
+    /// The first line is about to be sent; the machine stands.
+    pub(super) fn begin_watch(&mut self, context: &Context) {
+        let is_wanted = context.config.on_path_deviation != OnPathDeviation::Off;
+        if is_wanted && !self.job.is_check() {
+            self.watch.watch = Some(Box::new(context.machine.path_watch(context.link.units())));
+        }
+    }
+
+    /// A line of the run is sent now.
+    pub(super) fn watch_line(&mut self, text: &str, source_line: u32, element: Option<usize>) {
+        let Some(watch) = &mut self.watch.watch else { return };
+        let element = element.and_then(|index| self.job.request.path.elements.get(index));
+        let block = element.and_then(|element| element.source.block);
+        watch.on_sent(text, Culprit { source_line, block });
+    }
+
+    /// A line of the run was answered.
+    pub(super) fn watch_answer(&mut self, context: &mut Context, text: &str) {
+        let Some(watch) = &mut self.watch.watch else { return };
+        watch.on_answer();
+        // The next run has to know what this one has stored. Nothing was sent after it.
+        let stored = text.strip_prefix("G10L").and_then(|rest| rest.split_once('P'));
+        let digit = stored.and_then(|(_, after)| after.chars().next()?.to_digit(10));
+        if let Some(system) = digit.and_then(|digit| u8::try_from(digit).ok())
+            && let Some(place) = watch.stored(system)
+        {
+            context.machine.remember(&format!("G{}", 53 + system), place);
+        }
+    }
+
+    /// Judges a report, which is in the machine model already.
+    pub(super) fn watch_report(&mut self, context: &mut Context) {
+        let is_judged = match &self.stage {
+            Stage::Streaming => true,
+            Stage::Draining(then) | Stage::Settling { then, .. } => {
+                !matches!(then, Then::GoOn | Then::ControllerChange { .. })
+            }
+            _ => false,
+        };
+        let machine = &context.machine;
+        let state = machine.status.as_ref().map(|status| &status.state);
+        // At an open door the axes may be parked.
+        let is_on_path = matches!(
+            state,
+            Some(
+                ControllerState::Run
+                    | ControllerState::Hold
+                    | ControllerState::Idle
+                    | ControllerState::Jog
+            )
+        );
+        let RunWatch { watch: Some(watch), is_deviated: false } = &mut self.watch else { return };
+        if !is_judged || !is_on_path {
+            return;
+        }
+        let seen = Seen {
+            position: machine.machine_position(),
+            is_by_offset: !machine.shown.has_machine_position,
+            work_offset: machine.shown.work_offset,
+            feed_mm_per_min: machine.status.as_ref().and_then(|status| status.feed_mm_per_min),
+            feed_override: machine.feed_override(),
+            blocks_in_use: machine.blocks_in_use(),
+        };
+        if let Some(deviation) = watch.judge(&seen) {
+            self.on_deviation(context, &deviation);
+        }
+    }
+
+    /// Judges the words in force, which come among the answers.
+    pub(in crate::driver) fn watch_words(&mut self, context: &mut Context, words: &str) {
+        let RunWatch { watch: Some(watch), is_deviated: false } = &self.watch else { return };
+        if !matches!(self.stage, Stage::Streaming | Stage::Draining(_)) {
+            return;
+        }
+        if let Some(deviation) = watch.judge_words(words, context.link.units()) {
+            self.on_deviation(context, &deviation);
+        }
+    }
+
+    /// All lines are answered and the machine stands: is it where they end?
+    pub(super) fn watch_end(&mut self, context: &mut Context, then: &Then) -> EndOfLines {
+        if self.watch.is_deviated {
+            return EndOfLines::Waits;
+        }
+        let at = context.machine.machine_position();
+        if matches!(then, Then::GoOn | Then::ControllerChange { .. }) {
+            let frame = context.machine.frame();
+            if let Some(watch) = &mut self.watch.watch {
+                watch.begin_again(Some(frame), at);
+            }
+            return EndOfLines::There;
+        }
+        let Some(watch) = &mut self.watch.watch else { return EndOfLines::There };
+        let Some(deviation) = watch.judge_end(at) else {
+            if matches!(then, Then::Home { .. }) {
+                watch.forget_words();
+            }
+            return EndOfLines::There;
+        };
+        if matches!(then, Then::End) && context.config.on_path_deviation == OnPathDeviation::Hold {
+            let text = format!("{PATH_DEVIATION}: {deviation}");
+            context.log(LogLevel::Error, text.clone());
+            self.job.blamed_line = deviation.culprit().source_line;
+            let verdict = RunVerdict::aborted(error_code::PATH_DEVIATION, text);
+            return EndOfLines::Over(Exit::over(verdict));
+        }
+        self.on_deviation(context, &deviation);
+        if self.watch.is_deviated { EndOfLines::Waits } else { EndOfLines::There }
+    }
+
+    /// The tool change is over; the tool stands here.
+    pub(super) fn watch_from(&mut self, context: &Context, is_touched: bool) {
+        let at = context.machine.machine_position();
+        // The words that follow say what is in force then.
+        let frame = is_touched.then(|| context.machine.frame());
+        if let Some(watch) = &mut self.watch.watch {
+            watch.begin_again(frame.map(|frame| frame.without_offset()), at);
+        }
+    }
+
+    /// The operator goes on.
+    pub(super) fn forgive_deviation(&mut self) {
+        if std::mem::take(&mut self.watch.is_deviated)
+            && let Some(watch) = &mut self.watch.watch
+        {
+            watch.forgive();
+        }
+    }
+
+    fn on_deviation(&mut self, context: &mut Context, deviation: &Deviation) {
+        let text = format!("{PATH_DEVIATION}: {deviation}");
+        match context.config.on_path_deviation {
+            OnPathDeviation::Off => {}
+            OnPathDeviation::Log => {
+                context.log(LogLevel::Warn, text);
+                if let Some(watch) = &mut self.watch.watch {
+                    watch.forgive();
+                }
+            }
+            OnPathDeviation::Hold => {
+                context.log(LogLevel::Error, text.clone());
+                self.watch.is_deviated = true;
+                self.hold_for(context, format!("{text}; cancel, or resume to go on all the same"));
+            }
+        }
+    }
+}
+
+/// What the end of all lines shows.
+pub(super) enum EndOfLines {
+    There,
+    /// The run waits for a resume.
+    Waits,
+    Over(Exit),
+}

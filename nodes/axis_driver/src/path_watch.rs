@@ -1,0 +1,375 @@
+//! Watches that the tool is where the lines that were sent can have taken it.
+//!
+//! Every report of a run is looked at: the position lies on the part of the path that can be
+//! under way, which begins at the place that the tool is sure to have reached and ends with the
+//! newest line that was sent; the work offset is one that the lines have put in force; the
+//! feed is no higher than they ask for. The words in force, which come among the answers, are
+//! those that were sent up to there.
+//!
+//! It reads the lines as they were sent, not the path that they were made from, so that each
+//! is compared with what a sound line would have done. Places are in the machine frame: a
+//! wrong work offset takes the tool away from them. Progress never goes back: the tool is at
+//! the first place within the tolerance or after it, never before. Knows no ports and no time.
+
+mod deviation;
+mod frame;
+mod moves;
+mod parser_state;
+mod sent;
+mod speed;
+#[cfg(test)]
+mod tests;
+mod tolerances;
+mod words;
+
+pub use deviation::{Culprit, Deviation};
+pub use frame::Frame;
+pub use speed::Rates;
+
+use crate::report::ReportUnits;
+use cnc_msgs::geometry::Position;
+use moves::{Nearest, Way};
+use sent::{Sent, WordsInForce};
+use speed::SpeedWatch;
+use std::collections::VecDeque;
+use tolerances::{
+    ARC_DRAWN_MM, ARC_TOLERANCES, BLOCKS_AT_THE_STEPS, LAST_PLACES, PATH_MM,
+    PLANNER_BLOCKS_UNKNOWN, REPORT_INCH_MM, REPORT_MM, ROUNDED_NUMBERS, SAME_MM, STEP_MM_UNKNOWN,
+    STEPS, STEPS_OF_A_BLOCK,
+};
+
+/// What the board has said of itself, as far as positions depend on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Board {
+    /// Lines that the planner holds, where it says so.
+    pub planner_blocks: Option<u16>,
+    /// `$12`, mm.
+    pub arc_tolerance_mm: f64,
+    /// `$100` to `$102`.
+    pub steps_per_mm: [Option<f64>; 3],
+    /// The unit that reports are printed in.
+    pub units: ReportUnits,
+    pub rates: Rates,
+    /// The least and the most that the spindle turns at (`$31`, `$30`), 1/min.
+    pub speeds: [f64; 2],
+}
+
+/// What a status report says.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Seen {
+    /// Machine frame, mm.
+    pub position: Option<Position>,
+    /// The report has the work position alone: the machine position follows from an offset that
+    /// may have come in an earlier one.
+    pub is_by_offset: bool,
+    /// The work offset, where this report has it.
+    pub work_offset: Option<Position>,
+    pub feed_mm_per_min: Option<f64>,
+    /// 1 for 100 %.
+    pub feed_override: f64,
+    pub blocks_in_use: Option<usize>,
+}
+
+/// A line that takes the tool somewhere.
+#[derive(Debug, Clone, Copy)]
+struct SentMove {
+    way: Way,
+    feed_mm_per_min: Option<f64>,
+    culprit: Culprit,
+    /// Lines that take a planner block for sure, up to this one.
+    blocks: usize,
+    /// How many lines were sent up to this one.
+    number: usize,
+}
+
+/// What is in force after a line that has no answer yet.
+#[derive(Debug, Clone, Copy)]
+struct After {
+    words: WordsInForce,
+    offset: Option<Position>,
+    blocks: usize,
+}
+
+/// Follows what is sent, answered and reported.
+#[derive(Debug, Clone)]
+pub struct PathWatch {
+    board: Board,
+    sent: Sent,
+    /// From the one that may be under way on; never empty.
+    moves: VecDeque<SentMove>,
+    /// The share of the first of them that is done for sure.
+    part: f64,
+    unanswered: VecDeque<After>,
+    /// What is in force after the line that was answered last.
+    parsed: After,
+    lines_sent: usize,
+    /// A report has shown the work offset since it was changed.
+    is_offset_shown: bool,
+    /// What the controller reports next is taken as it is.
+    takes_offset: bool,
+    speed: SpeedWatch,
+}
+
+impl PathWatch {
+    /// The machine stands here and has nothing to do.
+    pub fn new(board: Board, mut frame: Frame, place: Option<Position>) -> Self {
+        frame.settle();
+        let offset = frame.in_force;
+        let sent = Sent { frame, place, ..Sent::default() };
+        let mut watch = Self {
+            speed: SpeedWatch::new(board.rates),
+            board,
+            sent,
+            moves: VecDeque::new(),
+            part: 0.0,
+            unanswered: VecDeque::new(),
+            parsed: After { words: WordsInForce::default(), offset, blocks: 0 },
+            lines_sent: 0,
+            is_offset_shown: true,
+            takes_offset: false,
+        };
+        watch.stand(place);
+        watch
+    }
+
+    /// Everything that was sent is done, and the machine stands: here, where that is known.
+    fn stand(&mut self, place: Option<Position>) {
+        let way = place.map_or(Way::Anywhere, |place| Way::Line { from: place, to: place });
+        let last = self.moves.back();
+        let culprit = last.map_or(Culprit::default(), |last| last.culprit);
+        let blocks = last.map_or(self.parsed.blocks, |last| last.blocks);
+        let (number, feed_mm_per_min) = (self.lines_sent, None);
+        self.moves.clear();
+        self.moves.push_back(SentMove { way, feed_mm_per_min, culprit, blocks, number });
+        self.part = 0.0;
+        self.sent.place = place;
+    }
+
+    /// The machine stands here, wherever it was thought to be, in this frame, where it is known.
+    pub fn begin_again(&mut self, frame: Option<Frame>, place: Option<Position>) {
+        if let Some(mut frame) = frame {
+            let (system, length) = (self.sent.frame.system, self.sent.frame.tool_length_mm);
+            frame.system = frame.system.or(system);
+            frame.tool_length_mm = frame.tool_length_mm.or(length);
+            self.sent.frame = frame;
+            self.forget_words();
+            self.parsed.offset = self.sent.frame.in_force;
+        }
+        self.stand(place);
+    }
+
+    /// The axes are going to their switches, and what the owner has stored is in force after it.
+    pub fn forget_words(&mut self) {
+        self.sent.said = WordsInForce::default();
+        self.parsed.words = WordsInForce::default();
+    }
+
+    /// The operator goes on after a deviation: what is under way may be anywhere, and what is
+    /// in force is what the controller says. Lines that are sent from now on count again.
+    pub fn forgive(&mut self) {
+        self.moves.iter_mut().for_each(|sent| sent.way = Way::Anywhere);
+        self.part = 0.0;
+        self.forget_words();
+        self.unanswered.iter_mut().for_each(|after| after.words = WordsInForce::default());
+        self.takes_offset = true;
+        self.speed = SpeedWatch::new(self.board.rates);
+    }
+
+    /// Takes a line that is sent now.
+    pub fn on_sent(&mut self, text: &str, culprit: Culprit) {
+        let before = self.sent.frame.in_force;
+        let asked = self.sent.take(text);
+        self.lines_sent += 1;
+        let last = self.moves.back().map_or(self.parsed.blocks, |last| last.blocks);
+        let mut blocks = last;
+        if let Some(way) = asked.way {
+            let is_block = way.length_mm() > STEPS_OF_A_BLOCK * self.step_mm();
+            blocks += usize::from(is_block);
+            let (number, feed_mm_per_min) = (self.lines_sent, asked.feed_mm_per_min);
+            self.moves.push_back(SentMove { way, feed_mm_per_min, culprit, blocks, number });
+        }
+        let offset = self.sent.frame.in_force;
+        if offset != before {
+            self.is_offset_shown = false;
+        }
+        self.unanswered.push_back(After { words: self.sent.said, offset, blocks });
+    }
+
+    /// The oldest line without an answer was answered.
+    pub fn on_answer(&mut self) {
+        if let Some(after) = self.unanswered.pop_front() {
+            self.parsed = after;
+        }
+        let planner = self.board.planner_blocks.map_or(PLANNER_BLOCKS_UNKNOWN, usize::from);
+        self.finish_up_to(planner);
+    }
+
+    /// The origin of a work system (1 to 6) as the lines have left it, without the shift of G92.
+    pub fn stored(&self, system: u8) -> Option<Position> {
+        let zero = self.sent.frame.systems.get(usize::from(system).checked_sub(1)?)?;
+        let shift = self.sent.frame.shift;
+        zero.map(|zero| [0, 1, 2].map(|axis| zero[axis] - shift[axis]))
+    }
+
+    /// Judges a report.
+    pub fn judge(&mut self, seen: &Seen) -> Option<Deviation> {
+        if let Some(shown) = seen.work_offset
+            && let Some(deviation) = self.judge_offset(shown)
+        {
+            return Some(deviation);
+        }
+        let is_placed = !seen.is_by_offset || self.is_offset_shown;
+        let position = seen.position.filter(|_| is_placed)?;
+        if let Some(blocks) = seen.blocks_in_use.filter(|_| self.board.planner_blocks.is_some()) {
+            self.finish_up_to(blocks);
+        }
+        if let Some(deviation) = self.judge_place(position) {
+            return Some(deviation);
+        }
+        let feeds = self.moves.iter().map(|sent| sent.feed_mm_per_min);
+        let feed = seen.feed_mm_per_min?;
+        let allowed = self.speed.judge(feed, seen.feed_override, feeds)?;
+        let culprit = self.moves.front().map_or(Culprit::default(), |sent| sent.culprit);
+        Some(Deviation::Feed { culprit, feed_mm_per_min: feed, allowed_mm_per_min: allowed })
+    }
+
+    /// All lines are answered, and the machine stands: is it where they end?
+    pub fn judge_end(&mut self, position: Option<Position>) -> Option<Deviation> {
+        let is_known = self.moves.back().is_some_and(|last| last.way != Way::Anywhere);
+        let Some(end) = self.sent.place.filter(|_| is_known) else {
+            self.stand(position);
+            return None;
+        };
+        let at = position?;
+        let way = Way::Line { from: end, to: end };
+        let off_mm = way.nearest(at, 0.0).distance_mm;
+        let culprit = self.moves.back().map_or(Culprit::default(), |last| last.culprit);
+        let is_off = off_mm > self.tolerance_mm(&way, at);
+        if is_off {
+            return Some(Deviation::Place { culprit, at, nearest: end, off_mm });
+        }
+        self.stand(Some(end));
+        None
+    }
+
+    /// Judges the words in force, `reported` after `GC:` among the answers.
+    pub fn judge_words(&self, reported: &str, units: ReportUnits) -> Option<Deviation> {
+        let (is, sent) =
+            parser_state::differs(&self.parsed.words, reported, units, self.board.speeds)?;
+        let before = self
+            .moves
+            .iter()
+            .rev()
+            .find(|sent| sent.number + self.unanswered.len() <= self.lines_sent);
+        let culprit = before.or(self.moves.front()).map_or(Culprit::default(), |it| it.culprit);
+        Some(Deviation::Words { culprit, is, sent })
+    }
+
+    fn judge_offset(&mut self, shown: Position) -> Option<Deviation> {
+        if std::mem::take(&mut self.takes_offset) {
+            // What was sent is in that frame.
+            if let Some((place, thought)) = self.sent.place.zip(self.sent.frame.in_force) {
+                let moved = [0, 1, 2].map(|axis| place[axis] + shown[axis] - thought[axis]);
+                self.sent.place = Some(moved);
+            }
+            self.adopt(shown);
+            return None;
+        }
+        let mut candidates = vec![self.parsed.offset];
+        candidates.extend(self.unanswered.iter().map(|after| after.offset));
+        self.is_offset_shown |=
+            self.unanswered.iter().all(|after| after.offset == self.parsed.offset);
+        if self.unanswered.is_empty() && self.parsed.offset.is_none() {
+            self.adopt(shown);
+            return None;
+        }
+        let most = self.rounding_mm() + PATH_MM;
+        let is_it = |offset: &Option<Position>| match offset {
+            None => true,
+            Some(offset) => (0..3).all(|axis| (offset[axis] - shown[axis]).abs() <= most),
+        };
+        if candidates.iter().any(is_it) {
+            return None;
+        }
+        let wanted = candidates.into_iter().flatten().next()?;
+        let culprit = self.moves.front().map_or(Culprit::default(), |sent| sent.culprit);
+        Some(Deviation::Offset { culprit, shown, wanted })
+    }
+
+    fn adopt(&mut self, offset: Position) {
+        self.sent.frame.adopt(offset);
+        self.parsed.offset = Some(offset);
+        self.unanswered.iter_mut().for_each(|after| after.offset = Some(offset));
+        self.is_offset_shown = true;
+    }
+
+    fn judge_place(&mut self, position: Position) -> Option<Deviation> {
+        let mut best: Option<(usize, Nearest)> = None;
+        for (index, sent) in self.moves.iter().enumerate() {
+            let from_part = if index == 0 { self.part } else { 0.0 };
+            let near = sent.way.nearest(position, from_part);
+            let tolerance = self.tolerance_mm(&sent.way, position);
+            if near.distance_mm <= tolerance {
+                // It is there at the earliest.
+                let length = sent.way.length_mm();
+                let slack = if length > 0.0 { tolerance / length } else { 1.0 };
+                let part = (near.part - slack).max(from_part);
+                self.moves.drain(..index);
+                self.part = part;
+                return None;
+            }
+            // Of two that meet there the later one is cut.
+            if best.is_none_or(|(_, least)| near.distance_mm <= least.distance_mm + SAME_MM) {
+                best = Some((index, near));
+            }
+        }
+        let (index, Nearest { distance_mm: off_mm, place: nearest, .. }) = best?;
+        let culprit = self.moves[index].culprit;
+        Some(Deviation::Place { culprit, at: position, nearest, off_mm })
+    }
+
+    /// Lines are done for sure when so many blocks, and those that are at the steps, were
+    /// answered after them.
+    fn finish_up_to(&mut self, blocks: usize) {
+        let held = blocks + BLOCKS_AT_THE_STEPS;
+        while self.moves.len() > 1
+            && self.moves.front().is_some_and(|it| it.blocks + held < self.parsed.blocks)
+        {
+            self.moves.pop_front();
+            self.part = 0.0;
+        }
+    }
+
+    /// The largest step of an axis, mm.
+    fn step_mm(&self) -> f64 {
+        self.steps_mm().into_iter().fold(0.0, f64::max)
+    }
+
+    fn steps_mm(&self) -> [f64; 3] {
+        self.board.steps_per_mm.map(|steps| match steps {
+            Some(steps) if steps > 0.0 => 1.0 / steps,
+            _ => STEP_MM_UNKNOWN,
+        })
+    }
+
+    fn rounding_mm(&self) -> f64 {
+        ROUNDED_NUMBERS
+            * match self.board.units {
+                ReportUnits::Millimetres => REPORT_MM,
+                ReportUnits::Inches => REPORT_INCH_MM,
+            }
+    }
+
+    /// How far a position may be off a way, mm.
+    fn tolerance_mm(&self, way: &Way, position: Position) -> f64 {
+        let [x, y, z] = self.steps_mm();
+        let steps = STEPS * x.hypot(y).hypot(z);
+        let largest = position.iter().fold(0f64, |most, value| most.max(value.abs()));
+        let places = LAST_PLACES * largest * f64::from(f32::EPSILON);
+        let drawn = match way {
+            Way::Arc(_) => ARC_DRAWN_MM + ARC_TOLERANCES * self.board.arc_tolerance_mm,
+            Way::Line { .. } | Way::Anywhere => 0.0,
+        };
+        PATH_MM + self.rounding_mm() + steps + places + drawn
+    }
+}

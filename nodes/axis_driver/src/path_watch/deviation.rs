@@ -1,0 +1,99 @@
+//! What does not fit, in words.
+
+use cnc_msgs::geometry::{AXIS_LETTERS, Position};
+use std::fmt;
+
+/// The line that should be under way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Culprit {
+    /// Of the part program; 0 before its first line.
+    pub source_line: u32,
+    /// Its N number.
+    pub block: Option<u32>,
+}
+
+/// What does not fit to what was sent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Deviation {
+    /// Machine frame, mm.
+    Place {
+        culprit: Culprit,
+        at: Position,
+        nearest: Position,
+        off_mm: f64,
+    },
+    Offset {
+        culprit: Culprit,
+        shown: Position,
+        wanted: Position,
+    },
+    Feed {
+        culprit: Culprit,
+        feed_mm_per_min: f64,
+        allowed_mm_per_min: f64,
+    },
+    Words {
+        culprit: Culprit,
+        is: String,
+        sent: String,
+    },
+}
+
+impl Deviation {
+    /// The line that should be under way.
+    pub fn culprit(&self) -> Culprit {
+        match self {
+            Self::Place { culprit, .. }
+            | Self::Offset { culprit, .. }
+            | Self::Feed { culprit, .. }
+            | Self::Words { culprit, .. } => *culprit,
+        }
+    }
+}
+
+impl fmt::Display for Culprit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.source_line, self.block) {
+            (0, _) => write!(f, "before the first line"),
+            (line, Some(block)) => write!(f, "at line {line} (N{block})"),
+            (line, None) => write!(f, "at line {line}"),
+        }
+    }
+}
+
+impl fmt::Display for Deviation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let culprit = self.culprit();
+        match self {
+            Self::Place { at, nearest, off_mm, .. } => write!(
+                f,
+                "{culprit} the tool is {off_mm:.3} mm off the path: at {} in the machine frame, \
+                 where {} is the nearest place of the path",
+                show(*at),
+                show(*nearest)
+            ),
+            Self::Offset { shown, wanted, .. } => write!(
+                f,
+                "{culprit} the controller has the work offset {} in force and not {} (machine \
+                 frame)",
+                show(*shown),
+                show(*wanted)
+            ),
+            Self::Feed { feed_mm_per_min, allowed_mm_per_min, .. } => write!(
+                f,
+                "{culprit} the controller moves at {feed_mm_per_min:.0} mm/min; {:.0} mm/min is \
+                 the most that was sent",
+                allowed_mm_per_min
+            ),
+            Self::Words { is, sent, .. } => {
+                write!(f, "{culprit} the controller has {is} in force; {sent} was sent")
+            }
+        }
+    }
+}
+
+/// `X-100.000 Y0.000 Z0.000`
+fn show(place: Position) -> String {
+    let words = (0..3).map(|axis| format!("{}{:.3}", AXIS_LETTERS[axis], place[axis]));
+    words.collect::<Vec<_>>().join(" ")
+}

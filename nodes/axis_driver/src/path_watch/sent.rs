@@ -1,0 +1,209 @@
+//! What the lines that were sent ask for: where they take the tool, and which words are in
+//! force after them.
+
+use super::frame::Frame;
+use super::moves::{ArcWay, Way};
+use super::words::LineWords;
+use cnc_msgs::contour::SpindleMode;
+use cnc_msgs::geometry::{Plane, Position};
+
+/// The words that the lines have put in force; `None` where they have not said.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct WordsInForce {
+    /// 0 to 3.
+    pub(super) motion: Option<u8>,
+    pub(super) plane: Option<Plane>,
+    /// 1 to 6.
+    pub(super) work_system: Option<u8>,
+    pub(super) is_relative: Option<bool>,
+    pub(super) is_metric: Option<bool>,
+    pub(super) feed: Option<f64>,
+    pub(super) speed: Option<f64>,
+    pub(super) spindle: Option<SpindleMode>,
+}
+
+/// Follows the lines in the order in which they are sent.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sent {
+    pub(super) frame: Frame,
+    /// What the lines are read with.
+    pub(super) words: WordsInForce,
+    /// What the controller has to have in force: what was said since that was last certain.
+    pub(super) said: WordsInForce,
+    /// Where the last line ends, machine frame, mm; `None` where that is not known.
+    pub(super) place: Option<Position>,
+}
+
+/// What one line asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Asked {
+    pub(super) way: Option<Way>,
+    /// `None`: as fast as the axes go.
+    pub(super) feed_mm_per_min: Option<f64>,
+}
+
+impl Sent {
+    /// Takes the next line.
+    pub(super) fn take(&mut self, text: &str) -> Asked {
+        let Some(words) = LineWords::read(text) else {
+            // It may have gone anywhere, and said anything.
+            self.place = None;
+            (self.words, self.said) = Default::default();
+            self.frame.forget();
+            return Asked { way: Some(Way::Anywhere), feed_mm_per_min: None };
+        };
+        self.take_modal(&words);
+        if words.has_g(100) {
+            self.store_offset(&words);
+            return Asked::NOTHING;
+        }
+        if words.has_g(431) {
+            self.frame.set_tool_length(words.axes[2].unwrap_or_default());
+            return Asked::NOTHING;
+        }
+        for (tenths, index) in [(281, 0), (301, 1)] {
+            if words.has_g(tenths) {
+                self.frame.references[index] = self.place;
+                return Asked::NOTHING;
+            }
+        }
+        if words.has_m(2) || words.has_m(30) {
+            // What else it puts back differs between firmwares.
+            (self.words, self.said) = Default::default();
+            self.frame.forget();
+        }
+        if words.has_m(6) {
+            // The controller may go to its changer, measure the tool and set its length.
+            self.said = WordsInForce::default();
+            self.frame.forget_tool_length();
+            self.place = None;
+            return Asked { way: Some(Way::Anywhere), feed_mm_per_min: None };
+        }
+        if !words.has_axes() {
+            return Asked::NOTHING;
+        }
+        let reference = [280, 300].into_iter().position(|tenths| words.has_g(tenths));
+        let target = match reference {
+            Some(index) => self.reference_target(&words, index),
+            None => self.target(&words),
+        };
+        let way = self.way(&words, target, reference.is_some());
+        self.place = target;
+        let is_rapid = reference.is_some() || self.words.motion == Some(0);
+        Asked { way: Some(way), feed_mm_per_min: self.words.feed.filter(|_| !is_rapid) }
+    }
+
+    fn take_modal(&mut self, words: &LineWords) {
+        self.words.take(words);
+        self.said.take(words);
+        if words.has_g(490) {
+            self.frame.set_tool_length(0.0);
+        }
+        if words.work_system().is_some() {
+            self.frame.select(words.work_system());
+        }
+    }
+
+    fn store_offset(&mut self, words: &LineWords) {
+        let Some(system) = words.p.filter(|p| (1.0..=6.0).contains(p)) else { return };
+        let length = self.frame.tool_length_mm;
+        let origin = [0, 1, 2].map(|axis| {
+            let value = words.axes[axis]?;
+            match words.l == Some(20.0) {
+                false => Some(value + self.frame.shift[axis]),
+                // So that the tool is here.
+                true => {
+                    let length = if axis == 2 { length? } else { 0.0 };
+                    Some(self.place?[axis] - value - length)
+                }
+            }
+        });
+        let is_known = (0..3).all(|axis| words.axes[axis].is_some() == origin[axis].is_some());
+        let origin = if is_known { origin } else { [None; 3] };
+        if !is_known && let Some(slot) = self.frame.systems.get_mut(system as usize - 1) {
+            *slot = None;
+        }
+        self.frame.store(system as u8, origin);
+    }
+
+    fn target(&self, words: &LineWords) -> Option<Position> {
+        if words.has_g(530) {
+            return self.moved(words, Some([0.0; 3]));
+        }
+        match self.words.is_relative {
+            Some(false) => self.moved(words, self.frame.in_force),
+            _ => None,
+        }
+    }
+
+    /// Where the axes are after a move of those that are named.
+    fn moved(&self, words: &LineWords, offset: Option<Position>) -> Option<Position> {
+        let axes = [0, 1, 2].map(|axis| match words.axes[axis] {
+            Some(value) => offset.map(|offset| value + offset[axis]),
+            None => self.place.map(|place| place[axis]),
+        });
+        match axes {
+            [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+            _ => None,
+        }
+    }
+
+    fn reference_target(&self, words: &LineWords, index: usize) -> Option<Position> {
+        let reference = self.frame.references[index];
+        let axes = [0, 1, 2].map(|axis| match words.axes[axis] {
+            Some(_) => reference.map(|reference| reference[axis]),
+            None => self.place.map(|place| place[axis]),
+        });
+        match axes {
+            [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+            _ => None,
+        }
+    }
+
+    fn way(&self, words: &LineWords, target: Option<Position>, is_reference: bool) -> Way {
+        let Some((from, to)) = self.place.zip(target) else { return Way::Anywhere };
+        match self.words.motion {
+            _ if is_reference || words.has_g(530) => Way::Line { from, to },
+            Some(0 | 1) => Way::Line { from, to },
+            Some(motion) => {
+                let plane = self.words.plane.unwrap_or_default();
+                let [a, b, _] = plane.axes();
+                let center = [a, b].map(|axis| from[axis] + words.center[axis].unwrap_or(0.0));
+                let arc = ArcWay::new(plane, motion == 2, [from, to], center);
+                arc.map_or(Way::Anywhere, Way::Arc)
+            }
+            None => Way::Anywhere,
+        }
+    }
+}
+
+impl WordsInForce {
+    fn take(&mut self, words: &LineWords) {
+        if let Some(motion) = words.last_of(&[0, 10, 20, 30]) {
+            self.motion = u8::try_from(motion).ok();
+        }
+        if let Some(plane) = words.last_of(&[170, 180, 190]) {
+            self.plane = Some([Plane::Xy, Plane::Zx, Plane::Yz][plane]);
+        }
+        if let Some(relative) = words.last_of(&[900, 910]) {
+            self.is_relative = Some(relative == 1);
+        }
+        if let Some(metric) = words.last_of(&[200, 210]) {
+            self.is_metric = Some(metric == 1);
+        }
+        self.work_system = words.work_system().or(self.work_system);
+        self.feed = words.feed.or(self.feed);
+        self.speed = words.speed.or(self.speed);
+        for (number, spindle) in
+            [(3, SpindleMode::Clockwise), (4, SpindleMode::CounterClockwise), (5, SpindleMode::Off)]
+        {
+            if words.has_m(number) {
+                self.spindle = Some(spindle);
+            }
+        }
+    }
+}
+
+impl Asked {
+    const NOTHING: Self = Self { way: None, feed_mm_per_min: None };
+}

@@ -1,0 +1,219 @@
+//! What fits and what does not, without a controller.
+
+use super::*;
+
+fn board() -> Board {
+    Board {
+        planner_blocks: Some(15),
+        arc_tolerance_mm: 0.002,
+        steps_per_mm: [Some(250.0); 3],
+        units: ReportUnits::Millimetres,
+        rates: Rates([5_000.0; 3]),
+        speeds: [0.0, 24_000.0],
+    }
+}
+
+const ZERO: Position = [-100.0, -50.0, -10.0];
+
+/// G54 is at [`ZERO`], where the tool stands; G55 is 10 mm farther along X.
+fn watch() -> PathWatch {
+    let mut systems = [None; 6];
+    systems[0] = Some(ZERO);
+    systems[1] = Some([-90.0, -50.0, -10.0]);
+    let frame = Frame {
+        systems,
+        in_force: Some(ZERO),
+        system: Some(1),
+        tool_length_mm: Some(0.0),
+        ..Frame::default()
+    };
+    let mut watch = PathWatch::new(board(), frame, Some(ZERO));
+    send(&mut watch, &["G21G90G94G17G40G49G54"]);
+    watch.on_answer();
+    watch
+}
+
+fn send(watch: &mut PathWatch, lines: &[&str]) {
+    for text in lines {
+        let source_line = watch.lines_sent as u32;
+        watch.on_sent(text, Culprit { source_line, block: None });
+    }
+}
+
+/// A report of a place in the frame of G54.
+fn at(place: Position) -> Seen {
+    let position = Some([0, 1, 2].map(|axis| place[axis] + ZERO[axis]));
+    Seen { position, feed_override: 1.0, ..Seen::default() }
+}
+
+#[test]
+fn the_tool_is_on_what_was_sent_and_never_goes_back() {
+    let mut watch = watch();
+    send(&mut watch, &["G1X10F600", "Y10", "G2X20Y20I10", "G0Z5", "X0Y0"]);
+    let arc = |degrees: f64| {
+        let angle = f64::to_radians(180.0 - degrees);
+        [20.0 + 10.0 * angle.cos(), 10.0 + 10.0 * angle.sin(), 0.0]
+    };
+    for place in [[0.0; 3], [4.0, 0.0, 0.0], [10.0, 3.0, 0.0], arc(30.0), [20.0, 20.0, 2.0]] {
+        assert_eq!(watch.judge(&at(place)), None, "{place:?}");
+    }
+    let mut back = watch.clone();
+    let deviation = back.judge(&at(arc(30.0))).expect("it was past that");
+    assert_eq!(deviation.culprit().source_line, 5);
+    for off in [[20.0, 20.2, 3.0], [21.0, 20.0, 2.0], [10.0, 11.0, 5.0]] {
+        assert!(watch.clone().judge(&at(off)).is_some(), "{off:?}");
+    }
+    assert_eq!(watch.judge(&at([10.0, 10.0, 5.0])), None);
+}
+
+#[test]
+fn the_text_names_line_place_and_distance() {
+    let mut watch = watch();
+    send(&mut watch, &["G1X10F600"]);
+    let deviation = watch.judge(&at([4.0, 0.5, 0.0])).expect("it is off");
+    assert_eq!(
+        deviation.to_string(),
+        "at line 1 the tool is 0.500 mm off the path: at X-96.000 Y-49.500 Z-10.000 in the \
+         machine frame, where X-96.000 Y-50.000 Z-10.000 is the nearest place of the path"
+    );
+}
+
+#[test]
+fn what_was_not_sent_yet_is_off_the_path() {
+    let mut watch = watch();
+    assert!(watch.judge(&at([1.0, 0.0, 0.0])).is_some());
+    send(&mut watch, &["G1X10F600"]);
+    assert_eq!(watch.clone().judge(&at([1.0, 0.0, 0.0])), None);
+    assert!(watch.judge(&at([10.5, 0.0, 0.0])).is_some());
+}
+
+#[test]
+fn old_lines_are_done_when_the_planner_cannot_hold_them() {
+    let mut watch = watch();
+    let lines: Vec<String> = (1..=40).map(|step| format!("G1X{step}F600")).collect();
+    for line in &lines {
+        send(&mut watch, &[line]);
+        watch.on_answer();
+    }
+    // 15 blocks and those at the steps may be left.
+    assert!(watch.clone().judge(&at([4.0, 0.0, 0.0])).is_some());
+    assert_eq!(watch.judge(&at([9.5, 0.0, 0.0])), None);
+    let seen = Seen { blocks_in_use: Some(2), ..at([9.6, 0.0, 0.0]) };
+    assert!(watch.judge(&seen).is_some(), "reports say how many are left");
+}
+
+#[test]
+fn frames_move_with_the_lines_that_select_and_set_them() {
+    let mut watch = watch();
+    send(&mut watch, &["G55", "G1X0Y0F600", "G43.1Z5", "Z0", "G10L2P2X-80Y-50Z-10", "X1"]);
+    for place in [[5.0, 0.0, 0.0], [10.0, 0.0, 3.0], [15.0, 0.0, 5.0], [21.0, 0.0, 5.0]] {
+        assert_eq!(watch.judge(&at(place)), None, "{place:?}");
+    }
+    assert_eq!(watch.stored(2), Some([-80.0, -50.0, -10.0]));
+    send(&mut watch, &["G10L20P2X100", "G53G0Z0", "G49", "G54", "G1X0Y0Z0"]);
+    assert_eq!(watch.stored(2), Some([-179.0, -50.0, -10.0]));
+    for place in [[21.0, 0.0, 8.0], [21.0, 0.0, 10.0], [0.0; 3]] {
+        assert_eq!(watch.judge(&at(place)), None, "{place:?}");
+    }
+}
+
+#[test]
+fn a_work_offset_that_no_line_selected_is_noticed_before_anything_moves_in_it() {
+    let mut watch = watch();
+    let shown = |offset: Position| Seen { work_offset: Some(offset), ..at([0.0; 3]) };
+    assert_eq!(watch.judge(&shown(ZERO)), None);
+    assert!(watch.clone().judge(&shown([-90.0, -50.0, -10.0])).is_some());
+    send(&mut watch, &["G55"]);
+    assert_eq!(watch.judge(&shown(ZERO)), None);
+    assert_eq!(watch.judge(&shown([-90.0, -50.0, -10.0])), None);
+    watch.on_answer();
+    let deviation = watch.judge(&shown(ZERO)).expect("G54 is still in force");
+    assert!(deviation.to_string().contains("work offset X-100.000"), "{deviation}");
+}
+
+#[test]
+fn a_work_position_is_not_believed_before_its_offset_is_shown() {
+    let mut watch = watch();
+    send(&mut watch, &["G1X10F600", "G55"]);
+    let odd = Seen { is_by_offset: true, ..at([-10.0, 0.0, 0.0]) };
+    assert_eq!(watch.judge(&odd), None);
+    watch.on_answer();
+    watch.on_answer();
+    assert_eq!(watch.judge(&odd), None);
+    let shown = Seen { work_offset: Some([-90.0, -50.0, -10.0]), ..odd };
+    assert!(watch.judge(&shown).is_some());
+}
+
+#[test]
+fn a_feed_is_too_fast_where_no_line_asks_for_it() {
+    let mut watch = watch();
+    send(&mut watch, &["G1X100F600"]);
+    let moving = |x: f64, feed: f64, percent: f64| Seen {
+        feed_mm_per_min: Some(feed),
+        feed_override: percent,
+        ..at([x, 0.0, 0.0])
+    };
+    for x in [1.0, 2.0, 3.0, 4.0] {
+        assert_eq!(watch.judge(&moving(x, 610.0, 1.0)), None);
+    }
+    for (x, feed) in [(5.0, 1200.0), (6.0, 1200.0), (7.0, 1200.0), (8.0, 900.0), (9.0, 600.0)] {
+        assert_eq!(watch.judge(&moving(x, feed, 2.0)), None, "an override is allowed");
+    }
+    for x in [10.0, 11.0] {
+        assert_eq!(watch.judge(&moving(x, 6_000.0, 1.0)), None);
+    }
+    let deviation = watch.judge(&moving(12.0, 6_000.0, 1.0)).expect("three in a row");
+    assert!(deviation.to_string().contains("6000 mm/min; 1200 mm/min"), "{deviation}");
+}
+
+#[test]
+fn the_words_in_force_are_those_up_to_the_last_answer() {
+    let mut watch = watch();
+    let units = ReportUnits::Millimetres;
+    let words =
+        |motion: &str, feed: u32| format!("{motion} G54 G17 G21 G90 G94 M5 M9 T0 F{feed} S0");
+    assert_eq!(watch.judge_words(&words("G0", 0), units), None);
+    send(&mut watch, &["G1X10F600", "G0X20", "G1X30F900"]);
+    watch.on_answer();
+    assert_eq!(watch.judge_words(&words("G1", 600), units), None);
+    assert!(watch.judge_words(&words("G1", 900), units).is_some());
+    watch.on_answer();
+    assert_eq!(watch.judge_words(&words("G0", 600), units), None);
+    let deviation = watch.judge_words(&words("G1", 600), units).expect("G0 was sent");
+    assert_eq!(deviation.to_string(), "at line 2 the controller has G1 in force; G0 was sent");
+    watch.forgive();
+    assert_eq!(watch.judge_words(&words("G1", 600), units), None);
+}
+
+#[test]
+fn the_end_is_where_the_last_line_ends() {
+    let mut watch = watch();
+    send(&mut watch, &["G1X10F600", "Y5"]);
+    assert_eq!(watch.judge(&at([4.0, 0.0, 0.0])), None);
+    assert!(watch.clone().judge_end(at([10.0, 0.0, 0.0]).position).is_some());
+    assert_eq!(watch.judge_end(at([10.0, 5.0, 0.0]).position), None);
+    assert!(watch.judge(&at([10.0, 4.0, 0.0])).is_some(), "it stands");
+}
+
+#[test]
+fn after_a_resume_what_is_under_way_may_be_anywhere_and_what_follows_may_not() {
+    let mut watch = watch();
+    send(&mut watch, &["G1X10F600"]);
+    assert!(watch.judge(&at([4.0, 2.0, 0.0])).is_some());
+    watch.forgive();
+    assert_eq!(watch.judge(&at([5.0, 2.5, 0.0])), None);
+    assert_eq!(watch.judge_end(at([10.0, 5.0, 0.0]).position), None);
+    send(&mut watch, &["X20Y5"]);
+    assert_eq!(watch.judge(&at([15.0, 5.0, 0.0])), None);
+    assert!(watch.judge(&at([15.0, 6.0, 0.0])).is_some());
+}
+
+#[test]
+fn a_line_that_is_not_understood_may_go_anywhere_and_the_next_place_is_known_again() {
+    let mut watch = watch();
+    send(&mut watch, &["M6T2"]);
+    assert_eq!(watch.judge(&at([40.0, 2.0, 9.0])), None);
+    watch.on_answer();
+    watch.begin_again(None, at([1.0, 1.0, 1.0]).position);
+    assert!(watch.judge(&at([2.0, 1.0, 1.0])).is_some());
+}

@@ -1,0 +1,9 @@
+//! The path watch of the driver: every damage that takes the tool off its path is held within
+//! one report interval, and nothing is held where nothing is wrong. All in virtual time, with
+//! the virtual controller's own count of where its axes are.
+
+mod certified;
+mod damaged;
+mod named;
+mod parts;
+mod sound;

@@ -1,0 +1,246 @@
+//! No false alarm: runs with nothing wrong, on every firmware.
+
+use crate::parts::{Part, Random, START, random_part, router};
+use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, Overrides, RunOutcome};
+use cnc_msgs::contour::{Action, SpindleMode};
+use cnc_msgs::geometry::{AxisSet, Plane, Position};
+use cnc_msgs::machine::Mode;
+use kerf_tests::line::Line;
+use std::time::Duration;
+use virtual_controller::Firmware;
+
+/// What a board may be set to, besides its firmware: reports, units, steps, arcs.
+fn settings(firmware: Firmware, random: &mut Random) -> Vec<&'static str> {
+    let masks: &[&str] = match firmware {
+        Firmware::Grbl => &["$10=1", "$10=3", "$10=0", "$10=2"],
+        Firmware::GrblHal => &["$10=511", "$10=509", "$10=510", "$10=95"],
+        Firmware::FluidNc => &["$10=1", "$10=3", "$10=0"],
+    };
+    let mut lines = vec![random.of(masks)];
+    if firmware != Firmware::FluidNc {
+        lines.push(random.of(&["$13=0", "$13=1"]));
+        lines.push(random.of(&["$12=0.002", "$12=0.02"]));
+        lines.push(random.of(&["$100=250", "$100=80", "$100=800"]));
+        lines.push(random.of(&["$102=250", "$102=400"]));
+    }
+    lines
+}
+
+/// Does to a run what an operator does, and lets it end.
+fn attend(line: &mut Line, random: &mut Random) {
+    let mut is_single = false;
+    while line.finished.is_none() {
+        let state = line.state();
+        assert!(!state.reason.starts_with("PATH_DEVIATION"), "{state:?}");
+        match state.mode {
+            Mode::ToolChange => {
+                if random.below(2) == 0 {
+                    change_by_hand(line, random);
+                }
+                line.wait(random.between(0.1, 2.0));
+                // A hold that was asked for just before has to end first.
+                if line.ask(Command::ConfirmToolChange { objection: None }).is_err() {
+                    line.ask_resume();
+                }
+            }
+            Mode::Hold if !line.ask_resume() => line.wait(0.1),
+            Mode::Door => {
+                line.controller.device_mut().controller_mut().set_door(false);
+                line.wait(1.5);
+                line.ask_resume();
+            }
+            _ => match random.below(40) {
+                0 => drop(line.ask(Command::FeedHold)),
+                1 => drop(line.ask(Command::DoorHold)),
+                2 => {
+                    let wanted = Overrides {
+                        feed: Some(random.of(&[10, 50, 100, 150, 200])),
+                        rapid: Some(random.of(&[25, 50, 100])),
+                        spindle: Some(random.of(&[50, 100, 120])),
+                    };
+                    line.begin(Command::SetOverrides(wanted));
+                }
+                3 => {
+                    is_single = !is_single;
+                    line.ask(Command::SetSingleBlock(is_single)).expect("single block");
+                }
+                _ => line.wait(random.between(0.05, 1.0)),
+            },
+        }
+        if line.mode() == Mode::Hold {
+            line.wait(random.between(0.0, 1.5));
+        }
+    }
+    while line.mode() != Mode::Idle {
+        line.wait(0.5);
+        line.ask_resume();
+    }
+    line.ask(Command::SetSingleBlock(false)).expect("single block off");
+    line.replies.clear();
+}
+
+/// Up, aside, back down; the tool stands where it stood.
+fn change_by_hand(line: &mut Line, random: &mut Random) {
+    let stood = line.state().machine_position.expect("a position");
+    let lift = random.between(1.0, 12.0);
+    let jogs: [(JogFrame, Position); 2] =
+        [(JogFrame::Relative, [lift, -lift, lift]), (JogFrame::Machine, stood)];
+    for (frame, target) in jogs {
+        let request = JogRequest { frame, axes: AxisSet::ALL, target, feed_mm_per_min: 1_500.0 };
+        line.moved = None;
+        if line.ask(Command::Jog(request)).is_err() {
+            // A hold that was asked for just before has to end first.
+            line.ask_resume();
+            return;
+        }
+        assert_eq!(line.move_result().outcome, RunOutcome::Succeeded);
+    }
+}
+
+/// Runs so many parts on one board; gives the virtual time that the runs took.
+fn sound_runs(firmware: Firmware, seed: u64, runs: u32) -> Duration {
+    let mut random = Random(seed);
+    let lines = settings(firmware, &mut random);
+    let config = DriverConfig { tool_change_return: true, ..DriverConfig::default() };
+    let mut line = router(firmware, &lines, config);
+    line.forget_written();
+    let mut took = Duration::ZERO;
+    for run in 0..runs {
+        let elements = 20 + random.below(120) as usize;
+        let mut path = random_part(&mut random, elements);
+        if random.below(2) == 0 {
+            let at = 1 + random.below(path.elements.len() as u64 - 1) as usize;
+            insert(
+                &mut path,
+                at,
+                &[Action::ChangeTool { tool: 2 }, Action::Spindle(SpindleMode::Clockwise)],
+            );
+        }
+        let begin = line.now;
+        line.start(path, 0);
+        attend(&mut line, &mut random);
+        let result = line.finished.take().expect("it has ended");
+        let place = format!("{firmware} {lines:?} seed {seed} run {run}");
+        assert_eq!(
+            result.outcome,
+            RunOutcome::Succeeded,
+            "{place}: {result:?}\n{}",
+            line.log.join("\n")
+        );
+        let logged = line.log.iter().find(|text| text.contains("PATH_DEVIATION"));
+        assert_eq!(logged, None, "{place}");
+        line.log.clear();
+        took += line.now - begin;
+    }
+    took
+}
+
+/// Puts events before an element, after those that are there already.
+fn insert(path: &mut cnc_msgs::path::CompensatedPath, at: usize, actions: &[Action]) {
+    let place = path.events.partition_point(|event| event.at_element <= at);
+    let source = path.elements[at].source;
+    for (index, action) in actions.iter().enumerate() {
+        let event = cnc_msgs::path::PathEvent { at_element: at, action: *action, source };
+        path.events.insert(place + index, event);
+    }
+}
+
+#[test]
+fn nothing_is_held_where_nothing_is_wrong() {
+    let mut hours = 0.0;
+    for firmware in Firmware::ALL {
+        for seed in 1..=8 {
+            hours += sound_runs(firmware, seed, 4).as_secs_f64() / 3_600.0;
+        }
+    }
+    assert!(hours > 1.0, "{hours:.2} h are too few for a statement");
+}
+
+/// `KERF_WATCH_HOURS=1000 cargo test -p kerf_tests --test path_watch -- --ignored sound`
+#[test]
+#[ignore = "hours of machine time; KERF_WATCH_HOURS says how many"]
+#[allow(clippy::print_stdout)]
+fn nothing_is_held_in_so_many_hours() {
+    let wanted: f64 =
+        std::env::var("KERF_WATCH_HOURS").map_or(10.0, |text| text.parse().expect("hours"));
+    let first: u64 =
+        std::env::var("KERF_WATCH_SEED").map_or(1_000, |text| text.parse().expect("a seed"));
+    let mut hours = 0.0;
+    for seed in first.. {
+        for firmware in Firmware::ALL {
+            hours += sound_runs(firmware, seed, 20).as_secs_f64() / 3_600.0;
+        }
+        println!("seed {seed}: {hours:.1} hours of machine time, no false alarm");
+        if hours >= wanted {
+            break;
+        }
+    }
+}
+
+#[test]
+fn programs_that_move_their_frame_are_followed() {
+    for firmware in Firmware::ALL {
+        let masks: &[&str] = match firmware {
+            Firmware::GrblHal => &["$10=511", "$10=510"],
+            Firmware::Grbl | Firmware::FluidNc => &["$10=3", "$10=0"],
+        };
+        for mask in masks {
+            let mut line = router(firmware, &[mask], DriverConfig::default());
+            let mut part = Part::new();
+            part.line([10.0, 0.0, 0.0]);
+            let origin = [START[0] + 30.0, START[1] - 20.0, START[2] + 4.0];
+            part.event(Action::SetWorkOffset {
+                system: 2,
+                axes: AxisSet::ALL,
+                origin,
+                by_position: false,
+            });
+            part.event(Action::WorkOffset { system: 2 });
+            part.rapid([0.0, 0.0, 2.0]);
+            part.line([5.0, 5.0, 1.0]);
+            part.event(Action::ToolLength { offset: Some(1), length_mm: 7.5 });
+            part.line([5.0, 9.0, -1.0]);
+            part.arc(Plane::Xy, [-3.0, 4.0], 200.0, 1.0);
+            part.event(Action::SetWorkOffset {
+                system: 2,
+                axes: AxisSet::from_bits(1),
+                origin: [2.0; 3],
+                by_position: true,
+            });
+            part.line([6.0, 3.0, 0.0]);
+            part.event(Action::MachineMove {
+                target: START,
+                axes: AxisSet::from_bits(0b100),
+                rapid: true,
+                feed_mm_per_min: 0.0,
+            });
+            part.event(Action::WorkOffset { system: 1 });
+            part.event(Action::ToolLength { offset: None, length_mm: 0.0 });
+            part.line([1.0, 2.0, 3.0]);
+            part.event(Action::StoreReference { second: true });
+            part.line([9.0, 9.0, 1.0]);
+            part.event(Action::Reference { axes: AxisSet::from_bits(0b011), second: true });
+            part.line([4.0, 4.0, 2.0]);
+            part.event(Action::ProgramEnd { rewind: true });
+            // What one run has stored the next one knows.
+            let mut second = Part::new();
+            second.event(Action::WorkOffset { system: 2 });
+            second.rapid([1.0, 1.0, 1.0]);
+            second.line([9.0, 2.0, 0.0]);
+            for mut path in [part.path, second.path] {
+                name_axes(&mut path);
+                let result = line.run(path);
+                let place = format!("{firmware} {mask}: {result:?}\n{}", line.log.join("\n"));
+                assert_eq!(result.outcome, RunOutcome::Succeeded, "{place}");
+                assert!(!line.log.iter().any(|text| text.contains("PATH_DEVIATION")), "{place}");
+            }
+        }
+    }
+}
+
+/// Where the frame was moved an axis has no place before it is named.
+fn name_axes(path: &mut cnc_msgs::path::CompensatedPath) {
+    for element in &mut path.elements {
+        element.axes = AxisSet::ALL;
+    }
+}
