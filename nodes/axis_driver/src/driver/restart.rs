@@ -44,7 +44,7 @@ impl Driver {
             self.context.link.ask_status(self.context.now + PAUSE);
         }
         let alarm = self.context.unannounced_alarm(&report);
-        let emptied = self.emptied_buffers(&report);
+        let emptied = self.emptied_buffers(&report, since);
         let jump = match belief {
             Belief::Jumped { from, to } => Some(format!(
                 "the machine position went from {} to {}, farther than the axes can have moved",
@@ -85,7 +85,7 @@ impl Driver {
     }
 
     /// Planner and receive buffer are empty, and lines were never answered.
-    fn emptied_buffers(&mut self, report: &StatusReport) -> Option<String> {
+    fn emptied_buffers(&mut self, report: &StatusReport, since: Duration) -> Option<String> {
         let is_empty = report.state == ControllerState::Idle
             && self.context.machine.is_as_free_as_ever(report.free);
         // FluidNC takes lines out of what it reports while it dwells.
@@ -93,8 +93,10 @@ impl Driver {
             && self.context.link.oldest_kind() == Some(LineKind::Motion)
             && self.context.link.knows_its_size();
         let lines = self.context.link.unanswered();
+        let now = self.context.now;
         let Phase::Running(run) = &mut self.phase else { return None };
-        let is_sure = run.on_empty_buffers(is_program && is_empty && lines >= LINES_LOST_MIN);
+        let is_lost = is_program && is_empty && lines >= LINES_LOST_MIN;
+        let is_sure = run.on_empty_buffers(is_lost, since, now);
         is_sure.then(|| format!("its buffers are empty and {lines} lines have no answer"))
     }
 

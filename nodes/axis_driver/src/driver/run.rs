@@ -51,7 +51,7 @@ pub(super) struct ProgramRun {
     /// Why it holds, if no operator asked for it.
     hold_reason: Option<String>,
     /// In a row: reports of empty buffers with lines that were never answered.
-    pub(super) empty_reports: u32,
+    pub(super) empty_buffers: Option<(Duration, u32)>,
     /// The block of the line that was sent last.
     block: Option<BlockOfLine>,
     /// Another path for what is left, which is being proved.
@@ -162,7 +162,7 @@ impl ProgramRun {
             stage: Stage::Proving(Box::new(proof)),
             is_held: false,
             hold_reason: None,
-            empty_reports: 0,
+            empty_buffers: None,
             block: None,
             next_block: None,
             rest: None,

@@ -135,7 +135,7 @@ impl ProgramRun {
         origin: Origin,
         error: Option<u16>,
     ) -> Option<Exit> {
-        self.empty_reports = 0;
+        self.empty_buffers = None;
         if context.link.unanswered() == 0 {
             self.is_alone = false;
         }
@@ -318,13 +318,25 @@ impl ProgramRun {
         }
     }
 
-    /// Takes a report of empty buffers, while lines have no answer. True when it came often
-    /// enough to be believed.
-    pub(in crate::driver) fn on_empty_buffers(&mut self, is_empty: bool) -> bool {
+    /// Takes a report of empty buffers at `now`, while lines have no answer; the machine was looked
+    /// at since `since`. True when it can be believed: the controller has had the lines before it
+    /// was asked, and has shown it twice more. One that was held up answers what it was asked
+    /// before the lines came.
+    pub(in crate::driver) fn on_empty_buffers(
+        &mut self,
+        is_empty: bool,
+        since: Duration,
+        now: Duration,
+    ) -> bool {
         /// Reports in a row that show it.
         const EMPTY_REPORTS: u32 = 2;
-        self.empty_reports = if is_empty { self.empty_reports + 1 } else { 0 };
-        self.empty_reports >= EMPTY_REPORTS
+        if !is_empty {
+            self.empty_buffers = None;
+            return false;
+        }
+        let (first, later) = self.empty_buffers.get_or_insert((now, 0));
+        *later += u32::from(since >= *first && now > *first);
+        *later >= EMPTY_REPORTS
     }
 }
 
