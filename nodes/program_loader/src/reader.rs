@@ -188,13 +188,15 @@ impl<'r> Reader<'r> {
     #[cold]
     fn refuse_lasting(&mut self, line: Line<'_>) {
         let Dialect { g, m, .. } = self.rules.dialect;
-        let sets_for_later = self.block.words.iter().any(|word| {
-            word.letter == b'R' || word.letter == b'L' && [1.0, 10.0].contains(&word.value)
-        });
+        let sets_for_later = self
+            .block
+            .words
+            .iter()
+            .any(|word| word.letter == b'L' && [1.0, 10.0].contains(&word.value));
         for word in &self.block.words {
             let lasts = code_in_tenths(word.value).is_some_and(|tenths| match word.letter {
                 b'G' => match g(tenths) {
-                    // A rotation, or a tool.
+                    // A tool.
                     GWord::Offset(OffsetWord::Set) => sets_for_later,
                     word => word.only_acts_later(),
                 },

@@ -297,42 +297,14 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
 }
 
 #[test]
-fn a_rotated_work_system_turns_the_moves_of_the_program() {
-    let ends = "the rotation ends with the program: the controller cannot store it";
-    check(&[
-        (
-            "G10 L2 P1 R90\nG0 X10 Y5\nG91 G0 X1\nG90 G1 Y0 Z-2 F100\nG10 L2 P1 R0\nG0 X1 Y1\nM2",
-            "rapid X-5 Y10 Z0 named XY; rapid X-5 Y11 Z0 named XY; \
-             line X0 Y11 Z-2 F100 named XYZ; rapid X1 Y1 Z-2 named XY; M2",
-            &[ends],
-        ),
-        (
-            "F100 G10 L2 P1 X3 Y0 R-90\nG0 X0 Y0\nG2 X10 Y0 I5 J0\nG0 Z5\nG92 X0\nG0 X1\nM2",
-            "G10 L2 P1 X3 Y0; rapid X0 Y0 Z0 named XY; \
-             arc cw xy X0 Y-10 Z0 center X0 Y-5 F100 named XY; rapid X0 Y-10 Z5 named Z; \
-             rapid X0 Y-11 Z5 named XY; M2",
-            &[ends],
-        ),
-        // Of another system: nothing turns before it is selected.
-        (
-            "G10 L2 P2 R180\nG0 X1 Y0\nG55 G0 X1 Y2\nM2",
-            "rapid X1 Y0 Z0 named XY; G55; rapid X-1 Y-2 Z0 named XY; M2",
-            &[ends],
-        ),
-    ]);
-    let lost = "this move starts from where Y is, which is not known since G10 in line 1";
+fn a_rotated_work_system_is_refused_by_its_word() {
+    let refused = "a rotated work system is not supported";
+    check(&[("G10 L2 P1 X3 R0\nG0 X1\nM2", "G10 L2 P1 X3; rapid X1 Y0 Z0 named X; M2", &[])]);
     check_bad(&[
-        ("G10 L2 P1 R30\nG0 X10\nM2", &[("G0 X10", lost)]),
-        (
-            "F100 G10 L2 P1 R30\nG0 X0 Y0\nG18 G2 X9 I5 K0\nM2",
-            &[("G18 G2 X9 I5 K0", "an arc outside the plane XY in a rotated work system")],
-        ),
+        ("G10 L2 P1 R30\nG0 X10\nM2", &[("R30", refused)]),
+        ("G10 L2 P0 X1 R-90\nG91 G0 X10 Y1\nM2", &[("R-90", refused)]),
+        ("G10 L2 P2 R[1/0]\nG0 X10\nM2", &[("/0", "a division by zero")]),
         ("G10 L20 P1 X1 R5\nM2", &[("R5", "G10 L20 does not take R")]),
-        (
-            "G10 L2 P1 R5\nG0 X0 Y0\nG10 L20 P1 X1\nM2",
-            &[("L20", "G10 L20 in a rotated work system")],
-        ),
-        ("G10 L2 P1 R999999\nM2", &[("R999999", "R999999 is beyond 36000 degrees")]),
     ]);
 }
 

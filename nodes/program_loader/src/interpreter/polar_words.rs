@@ -84,11 +84,22 @@ impl Interpreter<'_> {
             let message = format!("{} is beyond {COORDINATE_MM_MAX} mm", scene.quote(at));
             return self.report_at(scene, at, Code::Limit, message, "look for a missing point");
         }
-        let [sine, cosine] = super::rotation::sine_and_cosine(angle);
+        let [sine, cosine] = sine_and_cosine(angle);
         let start = if is_relative { here } else { [0.0; 2] };
         // X may be a diameter; a distance is none.
         let double = if self.modal.x_is_diameter { 2.0 } else { 1.0 };
         self.request.set(b'X', double * (radius * cosine - start[0]), at);
         self.request.set(b'Y', radius * sine - start[1], at);
+    }
+}
+
+/// Exact where the axes only change places.
+fn sine_and_cosine(degrees: f64) -> [f64; 2] {
+    match degrees.rem_euclid(360.0) {
+        0.0 => [0.0, 1.0],
+        90.0 => [1.0, 0.0],
+        180.0 => [0.0, -1.0],
+        270.0 => [-1.0, 0.0],
+        angle => angle.to_radians().sin_cos().into(),
     }
 }

@@ -24,9 +24,7 @@ impl Interpreter<'_> {
                     let message = format!(
                         "the parameter file rotates work system {system}: #{number}={value}"
                     );
-                    let help = format!(
-                        "write G10 L2 P{system} R{value} into the program, and 0 into the file"
-                    );
+                    let help = "write 0 into the file, and rotate the program in the CAM system";
                     Finding::error(Code::Unsupported, Source::default(), message).help(help)
                 }
                 5210 if value != 0.0 => {
