@@ -206,6 +206,10 @@ fn wrong_curves_are_errors_at_their_places() {
         ("G5.2 X1 Y1\nG5.2 P2\nX2 Y2\nG5.3", "a control point without X and Y"),
         ("G5.2 X1 Y1 P-1\nX1 Y1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
         ("G5.2 X1 Y1\nX1 Y1 P-1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
+        (
+            "G5.2 L4 X100 Y0 P900000\nX100 Y20 P1\nX200 Y0 P.000002\nG5.3",
+            "the weights of the curve differ by more than 1000 times",
+        ),
         ("G5.2 X1 Y1\nG1 X5", "the curve that G5.2 begins in line 2 has no G5.3"),
         ("G5.2 X1 Y1\nM30", "the curve that G5.2 begins in line 2 has no G5.3"),
         ("G5.2 X1 Y1\nG92 X0", "the curve that G5.2 begins in line 2 has no G5.3"),
@@ -294,6 +298,28 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
             &[("G41", "the program has set radii, and which tool is in the spindle is not known")],
         ),
     ]);
+}
+
+#[test]
+fn a_cycle_goes_to_its_hole_where_the_tool_was_before_the_machine_moved() {
+    let drill = "rapid X10 Y10 Z2 named Z; line X10 Y10 Z-5 F100 named Z";
+    for (between, acts) in [("G91 G28 X0 Y0\nG90", "G28 XY"), ("G55", "G55")] {
+        let hole = "X10 Y10 Z-5 R2";
+        let text = format!("F100 G0 X10 Y10 Z5\nG81 {hole}\nG80\n{between} G0 Z5\nG81 {hole}\nM2");
+        let wanted = format!(
+            "rapid X10 Y10 Z5 named XYZ; {drill}; rapid X10 Y10 Z5 named Z; {acts}; \
+             rapid X10 Y10 Z5 named Z; rapid X10 Y10 Z5 named XY; {drill}; \
+             rapid X10 Y10 Z5 named Z; M2"
+        );
+        check(&[(&text, &wanted, &[])]);
+    }
+    // Where the program has not named an axis yet.
+    check(&[(
+        "F100 G0 Z5\nG81 X0 Y0 Z-1 R2\nM2",
+        "rapid X0 Y0 Z5 named Z; rapid X0 Y0 Z5 named XY; rapid X0 Y0 Z2 named Z; \
+         line X0 Y0 Z-1 F100 named Z; rapid X0 Y0 Z5 named Z; M2",
+        &[],
+    )]);
 }
 
 #[test]
