@@ -391,6 +391,24 @@ fn parameters_begin_with_the_values_of_a_parameter_file() {
             ],
         ),
     ]);
+    let no_end = "the program has no end";
+    check(&[
+        // The line that separates them is not the end of the program.
+        (&with("G0 X1", "31 1"), "rapid X1 Y0 Z0 named X", &[no_end]),
+        (&with("%\nG0 X1\n%", "31 1"), "rapid X1 Y0 Z0 named X", &[]),
+        (
+            &with("(parameter file of mine)\n(#100=50)\n(DEBUG, %d#100)\nM2", ""),
+            "(MSG, 0); M2",
+            &[],
+        ),
+        (
+            &with("M2", "7 1\n5100 2\n5400 3"),
+            "M2",
+            &["the parameter file sets #7 and 2 more, which LinuxCNC does not keep: no effect"],
+        ),
+    ]);
+    let loaded = read(&with("G0 X1\n", "31 1"));
+    assert_eq!(loaded.findings[0].source.line, 1);
     let loaded = read(&with("M2", "5250 30"));
     assert!(!loaded.is_accepted());
     assert_eq!(loaded.findings[0].message, "the parameter file rotates work system 2: #5250=30");
