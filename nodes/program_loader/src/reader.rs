@@ -174,8 +174,8 @@ impl<'r> Reader<'r> {
             self.section = Section::Within;
             self.assign(line);
         }
-        if !self.block.remarks.is_empty() {
-            self.remarks(line);
+        if let Some(remark) = self.block.remark.take() {
+            self.remark(line, remark);
         }
         if self.block.words.is_empty() && !self.block.is_damaged {
             return After::Block;

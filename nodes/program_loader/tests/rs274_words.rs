@@ -82,6 +82,10 @@ fn messages_are_events_in_their_place() {
             &[],
         ),
         ("; MSG, no\n(MSG , no)\nM2", "M2", &[]),
+        // Of several comments in a line the last one counts.
+        ("(ABORT, no)(foo)\nM2", "M2", &[]),
+        ("(MSG, a)G0 X2 (MSG, b)\n(MSG, c)()\nM2", "(MSG, b); rapid X2 Y0 Z0 named X; M2", &[]),
+        ("(MSG, a) ; of a\nM2", "(MSG, a); M2", &[]),
     ]);
 }
 
@@ -275,6 +279,9 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
         ("G43.2\nM2", &[("G43.2", "G43.2 without H and without Z")]),
         ("G43 H1\nG43.2 H2\nM2", &[("G43.2", "two lengths of the tool table cannot be added")]),
         ("G10 L1 Z1\nM2", &[("G10", "G10 without P")]),
+        ("G10 L1 P0 Z1\nM2", &[("P0", "P0 is not the number of a tool")]),
+        ("G10 L10 P0 Z1\nM2", &[("P0", "P0 is not the number of a tool")]),
+        ("G10 L11 P0 Z1\nM2", &[("P0", "P0 is not the number of a tool")]),
         ("G10 L1 P1 R-1\nM2", &[("R-1", "R-1 is negative")]),
         (
             "G10 L1 P1 Q3\nM2",
@@ -424,8 +431,8 @@ fn polar_words_stand_for_x_and_y() {
             &[],
         ),
         (
-            "G52 X1 Y2\n#1=5\nG20 G0 @#1 ^[45*2]\nG7 G18 G0 @1 ^0\nM2",
-            "rapid X1 Y129 Z0 named XY; plane zx; rapid X26.4 Y2 Z0 named XY; M2",
+            "G52 X1 Y2\n#1=5\nG20 G0 @#1 ^[45*2]\nG7 G0 @1 ^0\nM2",
+            "rapid X1 Y129 Z0 named XY; rapid X26.4 Y2 Z0 named XY; M2",
             &[],
         ),
     ]);
@@ -448,6 +455,8 @@ fn polar_words_stand_for_x_and_y() {
             "F100 G0 X5 Y0 Z5\nG91 G81 ^10 R-1 Z-3 L5\nM2",
             &[("^10", "^10 in a cycle that is repeated with L")],
         ),
+        ("G18\nG0 @10 ^30\nM2", &[("@10", "@10 outside the plane XY")]),
+        ("G19 G0 ^30\nG91 G0 X1\nM2", &[("^30", "^30 outside the plane XY")]),
         ("G0 @[1/0] ^5\nM2", &[("/0", "a division by zero")]),
         ("G0 @9999999 ^5\nM2", &[("@9999999", "@9999999 is beyond 1000000 mm")]),
         (

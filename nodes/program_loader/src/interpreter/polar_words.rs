@@ -7,7 +7,7 @@ use super::{Interpreter, Scene};
 use crate::dialect::{Distance, GWord, Group, Mode};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::finding::Code;
-use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::geometry::{AxisSet, Plane};
 
 /// The values of `@` and `^`, and their places in the block.
 pub(super) type PolarWords = [Option<(f64, usize)>; 2];
@@ -32,6 +32,12 @@ impl Interpreter<'_> {
         let Some(&(_, at)) = words.iter().flatten().next() else { return };
         if words.iter().flatten().any(|(value, _)| value.is_nan()) {
             // It has been reported why; X and Y are not known after it.
+            self.request.set(b'X', f64::NAN, at);
+            return self.request.set(b'Y', f64::NAN, at);
+        }
+        if self.modal.plane != Plane::Xy {
+            let message = format!("{} outside the plane XY", scene.quote(at));
+            self.report_at(scene, at, Code::Plane, message, "write G17 before it, or X and Y");
             self.request.set(b'X', f64::NAN, at);
             return self.request.set(b'Y', f64::NAN, at);
         }
