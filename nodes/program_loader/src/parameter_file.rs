@@ -118,11 +118,11 @@ fn section(text: &[u8]) -> Option<Vec<Stored>> {
     let (begin, rows) = std::str::from_utf8(&tail[at..]).ok()?.split_once('\n')?;
     let (count, _) = begin.strip_prefix(BEGIN)?.strip_suffix(')')?.split_once(", ")?;
     let first = text.len() - rows.len();
-    let mut line = memchr::memchr_iter(b'\n', &text[..first]).count() as u32;
+    let first_line = memchr::memchr_iter(b'\n', &text[..first]).count() as u32 + 1;
+    let rows = rows.strip_suffix('\n').unwrap_or(rows).split('\n').filter(|_| !rows.is_empty());
     let mut values: Vec<Stored> = Vec::new();
-    for row in rows.strip_suffix('\n').unwrap_or(rows).split('\n').filter(|_| !rows.is_empty()) {
+    for (line, row) in (first_line..).zip(rows) {
         let (number, value) = row.strip_prefix("(#")?.strip_suffix(')')?.split_once('=')?;
-        line += 1;
         let (number, value) = (number.parse().ok()?, value.parse().ok()?);
         values.push(Stored { number, value, line });
     }
