@@ -54,7 +54,7 @@ pub(crate) struct Block {
     /// What it sets, once all its words have their values.
     pub(crate) assignments: Vec<Assignment>,
     /// Comments that do something.
-    pub(crate) remarks: Vec<Remark>,
+    pub(crate) remark: Option<Remark>,
     /// N.
     pub(crate) number: Option<u32>,
     /// From the first word to the last, in bytes of the line.

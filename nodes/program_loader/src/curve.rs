@@ -11,12 +11,18 @@ pub(crate) type Point = [f64; 2];
 pub(crate) const TOLERANCE_MM: f64 = 0.001;
 /// What counts as straight, mm.
 const STRAIGHT_MM: f64 = TOLERANCE_MM / 10.0;
-/// How often a span is halved at most.
-const HALVINGS_MAX: u32 = 24;
+/// How often a span is halved at most. So small a part of any curve is a point.
+const HALVINGS_MAX: u32 = 48;
 /// Lines and arcs of one curve at most.
 pub(crate) const PIECES_MAX: usize = 100_000;
-/// Points at which a piece is compared with the curve.
-const SAMPLES: u32 = 9;
+/// Points at which two arcs are compared with the curve, for each of its order: a polynomial has no
+/// bends between them.
+const SAMPLES: usize = 6;
+/// The largest ratio of two weights of one curve.
+pub(crate) const WEIGHT_RATIO_MAX: f64 = 1000.0;
+/// The same within a part that arcs may follow: so the curve does not hurry from one sample to the
+/// next.
+const PART_RATIO_MAX: f64 = 4.0;
 
 /// A line or an arc from where the piece before it ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +43,11 @@ pub(crate) struct Curve<'c> {
 }
 
 impl Curve<'_> {
+    /// Whether its weights are near enough to each other.
+    pub(crate) fn has_fair_weights(&self) -> bool {
+        ratio(self.points.iter().map(|it| it.1)) <= WEIGHT_RATIO_MAX
+    }
+
     /// The curve as lines and arcs, within [`TOLERANCE_MM`]; `None` if it has too many bends.
     pub(crate) fn pieces(&self) -> Option<Vec<Piece>> {
         let mut pieces = Vec::new();
@@ -47,16 +58,13 @@ impl Curve<'_> {
             let is_last = span + 1 == spans;
             let to =
                 if is_last { self.points[self.points.len() - 1].0 } else { self.at(span, 1.0).0 };
-            self.divide(span, [0.0, 1.0], [from, to], 0, &mut pieces);
-            if pieces.len() >= PIECES_MAX {
-                return None;
-            }
+            self.divide(span, [0.0, 1.0], [from, to], 0, &mut pieces)?;
             from = to;
         }
         Some(pieces)
     }
 
-    /// Adds a part of a span, from `ends[0]` to `ends[1]`.
+    /// Adds a part of a span, from `ends[0]` to `ends[1]`; `None` if that takes too many pieces.
     fn divide(
         &self,
         span: usize,
@@ -64,29 +72,34 @@ impl Curve<'_> {
         ends: [Point; 2],
         halvings: u32,
         pieces: &mut Vec<Piece>,
-    ) {
+    ) -> Option<()> {
         if pieces.len() >= PIECES_MAX {
-            return;
+            return None;
         }
-        let line = Piece { end: ends[1], arc: None };
-        if self.is_straight(span, part, ends) || halvings == HALVINGS_MAX {
-            return pieces.push(line);
+        let controls = self.controls(span, part);
+        if is_straight(&controls, ends) {
+            pieces.push(Piece { end: ends[1], arc: None });
+            return Some(());
         }
-        if let Some(both) = self.two_arcs(span, part, ends) {
-            return pieces.extend(both);
+        if let Some(both) = self.two_arcs(span, part, ends, &controls) {
+            pieces.extend(both);
+            return Some(());
+        }
+        if halvings == HALVINGS_MAX {
+            return None;
         }
         let middle = f64::midpoint(part[0], part[1]);
         let at = self.at(span, middle).0;
-        self.divide(span, [part[0], middle], [ends[0], at], halvings + 1, pieces);
-        self.divide(span, [middle, part[1]], [at, ends[1]], halvings + 1, pieces);
+        self.divide(span, [part[0], middle], [ends[0], at], halvings + 1, pieces)?;
+        self.divide(span, [middle, part[1]], [at, ends[1]], halvings + 1, pieces)
     }
 
-    /// The point and the direction at a place of a span, from 0 to 1.
-    fn at(&self, span: usize, place: f64) -> (Point, Point) {
+    /// De Boor's scheme with a place of its own for each level: the point and its weight, and the
+    /// slope, before the division by the weight.
+    fn polar_form(&self, span: usize, place: impl Fn(usize) -> f64) -> ([f64; 3], [f64; 3]) {
         let degree = self.order - 1;
         let last = self.points.len() - self.order + 1;
         let knot = |number: usize| (number.saturating_sub(degree)).min(last) as f64;
-        let u = span as f64 + place;
         let mut row: Vec<[f64; 3]> = self.points[span..=span + degree]
             .iter()
             .map(|&([x, y], weight)| [x * weight, y * weight, weight])
@@ -97,16 +110,33 @@ impl Curve<'_> {
                 // The knots at both ends of the span are 1 apart.
                 slope = [0, 1, 2].map(|i| degree as f64 * (row[1][i] - row[0][i]));
             }
+            let u = span as f64 + place(level);
             for j in 0..=degree - level {
                 let (low, high) = (knot(span + j + level), knot(span + j + degree + 1));
                 let share = (u - low) / (high - low);
                 row[j] = [0, 1, 2].map(|i| row[j][i] + share * (row[j + 1][i] - row[j][i]));
             }
         }
-        let [x, y, weight] = row[0];
+        (row[0], slope)
+    }
+
+    /// The point and the direction at a place of a span, from 0 to 1.
+    fn at(&self, span: usize, place: f64) -> (Point, Point) {
+        let ([x, y, weight], slope) = self.polar_form(span, |_| place);
         let point = [x / weight, y / weight];
         let slope = [0, 1].map(|i| (slope[i] - slope[2] * point[i]) / weight);
         (point, slope)
+    }
+
+    /// The control points of a part of a span alone. As all weights are positive, the part is
+    /// within their hull, and goes on along a direction if they do.
+    fn controls(&self, span: usize, [from, to]: [f64; 2]) -> Vec<Control> {
+        let control = |number: usize| {
+            let place = |level: usize| if level <= number { to } else { from };
+            let ([x, y, weight], _) = self.polar_form(span, place);
+            ([x / weight, y / weight], weight)
+        };
+        (0..self.order).map(control).collect()
     }
 
     /// The direction of the curve at one end of a part, of length 1; where it has none, the way to
@@ -124,27 +154,19 @@ impl Curve<'_> {
     }
 
     fn samples(&self, span: usize, [from, to]: [f64; 2]) -> impl Iterator<Item = Point> {
-        let share = |sample: u32| f64::from(sample) / f64::from(SAMPLES + 1);
-        (1..=SAMPLES).map(move |sample| self.at(span, from + share(sample) * (to - from)).0)
-    }
-
-    /// Whether the curve goes straight on from one end to the other.
-    fn is_straight(&self, span: usize, part: [f64; 2], [start, end]: [Point; 2]) -> bool {
-        let way = minus(end, start);
-        let Some(along) = unit(way) else {
-            return self.samples(span, part).all(|at| length(minus(at, start)) <= STRAIGHT_MM);
-        };
-        let mut last = 0.0;
-        self.samples(span, part).all(|at| {
-            let (on, off) = (dot(minus(at, start), along), cross(along, minus(at, start)));
-            let goes_on = on >= last - STRAIGHT_MM && on <= length(way) + STRAIGHT_MM;
-            last = on;
-            goes_on && off.abs() <= STRAIGHT_MM
-        })
+        let count = SAMPLES * self.order;
+        let share = move |sample: usize| sample as f64 / (count + 1) as f64;
+        (1..=count).map(move |sample| self.at(span, from + share(sample) * (to - from)).0)
     }
 
     /// Two arcs along a part of the curve, if they follow it.
-    fn two_arcs(&self, span: usize, part: [f64; 2], ends: [Point; 2]) -> Option<[Piece; 2]> {
+    fn two_arcs(
+        &self,
+        span: usize,
+        part: [f64; 2],
+        ends: [Point; 2],
+        controls: &[Control],
+    ) -> Option<[Piece; 2]> {
         let [start, end] = ends;
         let (out, into) = (self.direction(span, part, false)?, self.direction(span, part, true)?);
         let way = minus(end, start);
@@ -153,14 +175,18 @@ impl Curve<'_> {
         if !turns_little(out) || !turns_little(into) {
             return None;
         }
+        let goes_on = controls.windows(2).all(|pair| {
+            dot(minus(pair[1].0, pair[0].0), way) >= -STRAIGHT_MM / 100.0 * length(way)
+        });
+        if !goes_on || ratio(controls.iter().map(|it| it.1)) > PART_RATIO_MAX {
+            return None;
+        }
         let reach = reach(way, out, into)?;
         let joint =
             [0, 1].map(|i| f64::midpoint(start[i], end[i]) + reach / 2.0 * (out[i] - into[i]));
         let first = arc(start, joint, out, joint);
         let second = arc(end, joint, into, end);
-        let mut last = 0.0;
         let follows = self.samples(span, part).all(|at| {
-            let on = dot(minus(at, start), way) / length(way);
             let (piece, from) = match dot(minus(at, joint), way) < 0.0 {
                 true => (&first, start),
                 false => (&second, joint),
@@ -169,12 +195,35 @@ impl Curve<'_> {
                 Some((center, _)) => length(minus(at, center)) - length(minus(from, center)),
                 None => unit(minus(piece.end, from)).map_or(0.0, |u| cross(u, minus(at, from))),
             };
-            let goes_on = on >= last;
-            last = on;
-            goes_on && off.abs() <= TOLERANCE_MM * 0.9
+            off.abs() <= TOLERANCE_MM * 0.9
         });
         follows.then_some([first, second])
     }
+}
+
+/// Whether a part with these control points goes straight on from one end to the other, or is as
+/// good as a point.
+fn is_straight(controls: &[Control], [start, end]: [Point; 2]) -> bool {
+    if controls.iter().all(|it| length(minus(it.0, start)) <= STRAIGHT_MM) {
+        return true;
+    }
+    let way = minus(end, start);
+    let Some(along) = unit(way) else { return false };
+    let mut last = -STRAIGHT_MM;
+    controls.iter().all(|&(at, _)| {
+        let (on, off) = (dot(minus(at, start), along), cross(along, minus(at, start)));
+        let goes_on = on >= last - STRAIGHT_MM / 100.0 && on <= length(way) + STRAIGHT_MM;
+        last = on;
+        goes_on && off.abs() <= STRAIGHT_MM
+    })
+}
+
+/// The largest of some weights by the smallest.
+fn ratio(weights: impl Iterator<Item = f64>) -> f64 {
+    let (low, high) = weights.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), weight| {
+        (low.min(weight), high.max(weight))
+    });
+    high / low
 }
 
 /// How far the tangents of two arcs of equal tangent lengths reach before they meet.
@@ -275,8 +324,11 @@ mod tests {
                 assert!((radii[0] - radii[1]).abs() < 1e-7 * (1.0 + radii[0]), "{radii:?}");
             }
         }
-        for n in 0..spans * 500 {
-            let (span, place) = (n / 500, f64::from((n % 500) as u32) / 500.0);
+        // Closer at the ends of a span, where large weights beside small ones hurry.
+        let even = (0..500_u32).map(|n| f64::from(n) / 500.0);
+        let near = (0..200_u32).map(|n| 0.5 * 0.93_f64.powi(n as i32));
+        let places: Vec<f64> = even.chain(near.flat_map(|near| [near, 1.0 - near])).collect();
+        for (span, &place) in (0..spans).flat_map(|span| places.iter().map(move |it| (span, it))) {
             let at = curve.at(span, place).0;
             let off = pieces.iter().zip(&starts).map(|(piece, start)| distance(*start, piece, at));
             let off = off.fold(f64::INFINITY, f64::min);
@@ -305,6 +357,10 @@ mod tests {
             (vec![[0.0, 0.0], [20.0, 10.0], [-10.0, 10.0], [10.0, 0.0]], 180),
             (vec![[0.0, 0.0], [0.0, 0.0], [5.0, 5.0], [10.0, 0.0]], 100),
             (vec![[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]], 1),
+            // Straight, but beyond its end and back again.
+            (vec![[0.0, 0.0], [50.0, 0.0], [105.0, 0.0], [100.0, 0.0]], 60),
+            (vec![[0.0, 0.0], [500.0, 0.0], [1050.0, 0.0], [1000.0, 0.0]], 60),
+            (vec![[0.0, 0.0], [-50.0, 0.0], [500.0, 0.0], [1000.0, 0.0]], 60),
             (vec![[1e5, 1e5], [1e5 + 3.0, 1e5], [1e5 + 3.0, 1e5 + 3.0]], 24),
         ] {
             let order = points.len();
@@ -333,5 +389,40 @@ mod tests {
         points[4].1 = 2.0;
         points[2].1 = 7.0;
         check(&points, 3, 120);
+    }
+
+    #[test]
+    fn curves_of_any_points_and_weights_are_followed_within_the_tolerance() {
+        let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+        let mut random = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        for round in 0..60 {
+            let order = 2 + (random() * 9.0) as usize;
+            let count = order + (random() * 4.0) as usize;
+            let size = [1.0, 30.0, 300.0][round % 3];
+            // Every fourth is straight, and goes back and forth.
+            let height = if round % 4 == 0 { 0.0 } else { size };
+            let mut point = || [size * random(), height * random()];
+            let points: Vec<Point> = (0..count).map(|_| point()).collect();
+            let mut weight = || match round % 5 {
+                0 => WEIGHT_RATIO_MAX.powf(random()),
+                1 => [1.0, WEIGHT_RATIO_MAX][(random() * 2.0) as usize],
+                _ => 1.0,
+            };
+            let points: Vec<Control> = points.into_iter().map(|it| (it, weight())).collect();
+            assert!(Curve { points: &points, order }.has_fair_weights());
+            check(&points, order, 10_000);
+        }
+    }
+
+    #[test]
+    fn weights_may_differ_by_a_thousand() {
+        let mut points = [([0.0, 0.0], 1.0), ([5.0, 9.0], 1000.0), ([9.0, 0.0], 1.0)];
+        assert!(Curve { points: &points, order: 3 }.has_fair_weights());
+        check(&points, 3, 200);
+        points[1].1 = 1001.0;
+        assert!(!Curve { points: &points, order: 3 }.has_fair_weights());
     }
 }

@@ -39,6 +39,17 @@ impl Findings {
         }
     }
 
+    /// How many findings of this block would still be listed.
+    pub(crate) fn room(&self) -> usize {
+        let in_block = BLOCK_DIAGNOSTICS_MAX.saturating_sub(self.in_block) as usize;
+        in_block.min(DIAGNOSTICS_MAX - self.list.len().min(DIAGNOSTICS_MAX))
+    }
+
+    /// Counts warnings that need not be built, as there is no room for them.
+    pub(crate) fn leave_out(&mut self, warnings: usize) {
+        self.dropped = self.dropped.saturating_add(u32::try_from(warnings).unwrap_or(u32::MAX));
+    }
+
     /// How many findings are listed.
     pub(crate) fn count(&self) -> usize {
         self.list.len()
@@ -96,6 +107,21 @@ mod tests {
         let note = &list[DIAGNOSTICS_MAX];
         assert_eq!(note.code, Code::Limit);
         assert!(note.is_error() && note.message.starts_with("500 more"), "{}", note.message);
+    }
+
+    #[test]
+    fn findings_without_room_are_counted_without_being_built() {
+        let mut findings = Findings::default();
+        findings.begin_block();
+        assert_eq!(findings.room(), BLOCK_DIAGNOSTICS_MAX as usize);
+        for line in 1..=1000 {
+            findings.begin_block();
+            findings.push(at_line(line));
+        }
+        assert_eq!(findings.room(), 0);
+        findings.leave_out(7);
+        let list = findings.finish();
+        assert!(list[DIAGNOSTICS_MAX].message.starts_with("7 more"));
     }
 
     #[test]

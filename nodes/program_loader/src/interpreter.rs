@@ -19,7 +19,6 @@ mod polar;
 mod polar_words;
 mod refusals;
 mod request;
-mod rotation;
 mod saved_state;
 mod scene;
 mod splines;
@@ -50,7 +49,6 @@ pub(crate) use offsets::OffsetWord;
 use polar::Polar;
 use request::Request;
 pub(crate) use request::code_in_tenths;
-use rotation::Rotations;
 use saved_state::SavedState;
 pub(crate) use saved_state::StateWord;
 use scene::Scene;
@@ -142,7 +140,6 @@ pub(crate) struct Interpreter<'r> {
     named_tools: Vec<(u32, Source)>,
     /// What G10 has set for tools.
     tool_entries: ToolEntries,
-    rotations: Rotations,
     /// Stored positions and work offsets that are known, by their numbers.
     stored: BTreeMap<u32, f64>,
     open_curve: Option<OpenCurve>,
@@ -209,7 +206,6 @@ impl<'r> Interpreter<'r> {
             bounds: Bounds::default(),
             named_tools: Vec::new(),
             tool_entries: ToolEntries::new(),
-            rotations: Rotations::default(),
             stored: BTreeMap::new(),
             open_curve: None,
             last_cubic: None,

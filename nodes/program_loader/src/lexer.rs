@@ -29,7 +29,7 @@ pub(crate) fn read(
 ) {
     block.words.clear();
     block.assignments.clear();
-    block.remarks.clear();
+    block.remark = None;
     block.number = None;
     (block.start, block.end) = (0, 0);
     (block.is_optional, block.is_damaged) = (false, false);
@@ -257,8 +257,9 @@ impl Lexer<'_> {
             return self.report(Code::Syntax, start, message, "close it with ) on the same line");
         };
         self.at = start + length + 2;
-        if self.rules.parameters && length > 4 {
-            self.block.remarks.extend(Remark::read(self.line.text, start, self.at));
+        if self.rules.parameters {
+            // Of several comments only the last does something, and nothing if it is plain.
+            self.block.remark = Remark::read(self.line.text, start, self.at);
         }
         if rest[length] == b'(' {
             let inner = self.at - 1;

@@ -58,6 +58,8 @@ pub const FULL_CIRCLE_RELATIVE: f64 = 1e-6;
 /// A G or M number must be this close to a tenth.
 pub const CODE_FUZZ: f64 = 1e-6;
 
+/// The line between a program and what is appended to it. It is the end of the program.
+pub(crate) const APPENDED: &str = "% (what follows is appended by Kerf)";
 /// Files with subroutines that a program may call.
 pub const LIBRARY_FILES_MAX: usize = 500;
 

@@ -4,15 +4,20 @@
 //! was loaded is one text with one hash: it is recorded whole and replayed without the file. The
 //! file itself is never written.
 
-use crate::limits::PROGRAM_BYTES_MAX;
+use crate::limits::{APPENDED, PROGRAM_BYTES_MAX};
 use crate::parameters::NUMBER_MAX;
 use cnc_msgs::profile::Profile;
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Bytes of a parameter file; each of its numbers takes less than 40.
 pub const PARAMETER_FILE_BYTES_MAX: u64 = 1 << 20;
-/// The line before the values.
-const BEGIN: &str = "(parameter file ";
+/// The line before the values begins so, and goes on with their number and the name of the file.
+const BEGIN: &str = "(values of a parameter file, appended by Kerf: ";
+/// Letters of the name of a file that are kept.
+const NAME_LETTERS_MAX: usize = 200;
+/// Bytes of all rows: each number comes once, in a row of at most 35 bytes.
+const SECTION_BYTES_MAX: usize = 1024 + NUMBER_MAX as usize * 40;
 
 /// Why a parameter file cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -21,14 +26,26 @@ pub enum BadParameterFile {
     Line { line: usize, text: String },
     #[error("line {line}: there is no parameter {number}; they are 1 to {NUMBER_MAX}")]
     Number { line: usize, number: u32 },
+    #[error("line {line}: parameter {number} comes twice, in line {first} as well; delete one")]
+    Twice { line: usize, number: u32, first: usize },
     #[error("with it the program is too long")]
     TooLong,
+    #[error("the program has the values of a parameter file at its end already")]
+    Already,
+}
+
+/// A value of a parameter file, and its line in the text.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stored {
+    pub(crate) number: u32,
+    pub(crate) value: f64,
+    pub(crate) line: u32,
 }
 
 /// Appends the values of a parameter file to a program.
 ///
 /// # Errors
-/// A line is not a number and a value.
+/// A line is not a number and a value, or a number comes twice.
 pub fn with_parameters(
     mut text: Vec<u8>,
     profile: &Profile,
@@ -38,8 +55,11 @@ pub fn with_parameters(
     if !crate::dialect::of(profile.language.dialect).lexer.parameters {
         return Ok(text);
     }
-    let name: String = name.chars().filter(|letter| !"()\n\r".contains(*letter)).collect();
-    let mut section = format!("%\n{BEGIN}{name})\n");
+    if !values_of(&text).is_empty() {
+        return Err(BadParameterFile::Already);
+    }
+    let (mut rows, mut count) = (String::new(), 0);
+    let mut lines = BTreeMap::new();
     for (line, row) in String::from_utf8_lossy(file).lines().enumerate().map(|(n, it)| (n + 1, it))
     {
         let row = row.trim();
@@ -49,19 +69,28 @@ pub fn with_parameters(
         let mut words = row.split_whitespace();
         let number = words.next().and_then(|word| word.parse::<u32>().ok());
         let value = words.next().and_then(|word| word.parse::<f64>().ok());
+        let value = value.filter(|value| value.is_finite());
         let (Some(number), Some(value), None) = (number, value, words.next()) else {
             let text = row.chars().take(40).collect();
             return Err(BadParameterFile::Line { line, text });
         };
-        if !value.is_finite() {
-            return Err(BadParameterFile::Line { line, text: row.chars().take(40).collect() });
-        }
         if !(1..=NUMBER_MAX).contains(&number) {
             return Err(BadParameterFile::Number { line, number });
         }
-        if value != 0.0 || is_of_the_machine(number) {
-            let _ = writeln!(section, "(#{number}={value})");
+        if let Some(first) = lines.insert(number, line) {
+            return Err(BadParameterFile::Twice { line, number, first });
         }
+        if value != 0.0 || is_of_the_machine(number) {
+            let _ = writeln!(rows, "(#{number}={value:?})");
+            count += 1;
+        }
+    }
+    let is_kept = |letter: &char| !"()".contains(*letter) && !letter.is_control();
+    let name: String = name.chars().filter(is_kept).take(NAME_LETTERS_MAX).collect();
+    let section = format!("{APPENDED}\n{BEGIN}{count}, {name})\n{rows}");
+    // DOS ended texts with it.
+    if text.last() == Some(&b'\x1A') {
+        text.pop();
     }
     if text.last().is_some_and(|&last| last != b'\n') {
         text.push(b'\n');
@@ -73,20 +102,36 @@ pub fn with_parameters(
     Ok(text)
 }
 
-/// The values that have been appended to a text.
-pub(crate) fn values_of(text: &[u8]) -> Vec<(u32, f64)> {
-    // The section is the last one, and no longer than its file.
-    let tail = &text[text.len().saturating_sub(PARAMETER_FILE_BYTES_MAX as usize * 2)..];
-    let Some(at) = memchr::memmem::rfind(tail, BEGIN.as_bytes()) else { return Vec::new() };
-    if at > 0 && tail[at - 1] != b'\n' {
-        return Vec::new();
+/// The values that have been appended to a text. A program that has something like them is read as
+/// it is: they are the end of the text, whole, and as many as their first line says.
+pub(crate) fn values_of(text: &[u8]) -> Vec<Stored> {
+    section(text).unwrap_or_default()
+}
+
+fn section(text: &[u8]) -> Option<Vec<Stored>> {
+    let tail = &text[text.len().saturating_sub(SECTION_BYTES_MAX)..];
+    let at = memchr::memmem::rfind(tail, BEGIN.as_bytes())?;
+    let before = tail[..at].strip_suffix(b"\n")?.strip_suffix(APPENDED.as_bytes())?;
+    if before.last().is_some_and(|&last| last != b'\n') {
+        return None;
     }
-    let rows = String::from_utf8_lossy(&tail[at..]);
-    let value = |row: &str| {
+    let (begin, rows) = std::str::from_utf8(&tail[at..]).ok()?.split_once('\n')?;
+    let (count, _) = begin.strip_prefix(BEGIN)?.strip_suffix(')')?.split_once(", ")?;
+    let first = text.len() - rows.len();
+    let first_line = memchr::memchr_iter(b'\n', &text[..first]).count() as u32 + 1;
+    let rows = rows.strip_suffix('\n').unwrap_or(rows).split('\n').filter(|_| !rows.is_empty());
+    let mut values: Vec<Stored> = Vec::new();
+    for (line, row) in (first_line..).zip(rows) {
         let (number, value) = row.strip_prefix("(#")?.strip_suffix(')')?.split_once('=')?;
-        Some((number.parse().ok()?, value.parse().ok()?))
-    };
-    rows.lines().skip(1).filter_map(value).collect()
+        let (number, value) = (number.parse().ok()?, value.parse().ok()?);
+        values.push(Stored { number, value, line });
+    }
+    (count.parse() == Ok(values.len())).then_some(values)
+}
+
+/// Whether LinuxCNC keeps a parameter in its file.
+pub(crate) const fn is_kept(number: u32) -> bool {
+    matches!(number, 31..=5000 | 5161..=5169 | 5181..=5189 | 5210..=5390)
 }
 
 /// A stored position, or a work offset.
@@ -109,11 +154,45 @@ mod tests {
     fn values_follow_the_program_and_come_back() {
         let text = assemble("G0 X1\nM2", "31\t0.1\n32 0\n\n5221 0.000000\n5400 -3.5e2 \n");
         let text = text.expect("a good file");
-        let wanted = "G0 X1\nM2\n%\n(parameter file x1.var)\n(#31=0.1)\n(#5221=0)\n(#5400=-350)\n";
+        let wanted = format!(
+            "G0 X1\nM2\n{APPENDED}\n{BEGIN}3, x1.var)\n(#31=0.1)\n(#5221=0.0)\n(#5400=-350.0)\n"
+        );
         assert_eq!(text, wanted);
-        assert_eq!(values_of(text.as_bytes()), [(31, 0.1), (5221, 0.0), (5400, -350.0)]);
-        assert_eq!(values_of(b"G0 X1 (parameter file x)\n(#31=1)\n"), []);
-        assert_eq!(values_of(b""), []);
+        let values: Vec<_> =
+            values_of(text.as_bytes()).iter().map(|it| (it.number, it.value, it.line)).collect();
+        assert_eq!(values, [(31, 0.1, 5), (5221, 0.0, 6), (5400, -350.0, 7)]);
+        assert_eq!(assemble(&text, "31 1"), Err(BadParameterFile::Already));
+        assert_eq!(assemble("M2\x1A", "31 0").expect("good"), assemble("M2", "").expect("good"));
+    }
+
+    #[test]
+    fn comments_that_look_like_values_are_comments() {
+        for text in [
+            String::new(),
+            "(parameter file for the pocket)\n(#100=50)\n".to_owned(),
+            format!("{BEGIN}1, x)\n(#100=50)\n"),
+            format!("%\n{BEGIN}1, x)\n(#100=50)\n"),
+            format!("M2 {APPENDED}\n{BEGIN}1, x)\n(#100=50)\n"),
+            format!("{APPENDED}\n\n{BEGIN}1, x)\n(#100=50)\n"),
+            format!("{APPENDED}\n{BEGIN}1, x)\n(#100=50)\nG0 X1\n"),
+            format!("{APPENDED}\n{BEGIN}1, x)\n(#100=50)\n\n"),
+            format!("{APPENDED}\n{BEGIN}1, x)\n(100=50)\n"),
+            format!("{APPENDED}\n{BEGIN}2, x)\n(#100=50)\n"),
+            format!("{APPENDED}\n{BEGIN}1, x\n(#100=50)\n"),
+            format!("{APPENDED}\n (values{BEGIN}1, x)\n(#100=50)\n"),
+        ] {
+            assert_eq!(values_of(text.as_bytes()), [], "{text}");
+        }
+        let text = format!("{APPENDED}\n{BEGIN}1, x)\n(#100=50)\n");
+        assert_eq!(values_of(text.as_bytes()).len(), 1);
+    }
+
+    #[test]
+    fn the_longest_file_comes_back_whole() {
+        let longest = -f64::MIN_POSITIVE / 3.0;
+        let file: String = (1..=NUMBER_MAX).map(|n| format!("{n} {longest:?}\n")).collect();
+        let text = assemble("M2", &file).expect("a good file");
+        assert_eq!(values_of(text.as_bytes()).len(), NUMBER_MAX as usize);
     }
 
     #[test]
@@ -131,6 +210,10 @@ mod tests {
             (
                 "31 nan",
                 "line 1: \"31 nan\" is not the number of a parameter and its value: 5221 12.5",
+            ),
+            (
+                "100 5\n31 1\n100 0",
+                "line 3: parameter 100 comes twice, in line 1 as well; delete one",
             ),
             ("9999 1", "line 1: there is no parameter 9999; they are 1 to 5602"),
         ] {

@@ -4,6 +4,7 @@
 //! give (`#5420`, `#<_feed>`) is the interpreter's.
 
 use crate::expression::Parameter;
+use crate::parameter_file::Stored;
 use std::collections::BTreeMap;
 
 /// The highest number of a parameter (LinuxCNC).
@@ -99,8 +100,10 @@ impl Parameters {
     }
 
     /// Takes the user's values of a parameter file.
-    pub(crate) fn store(&mut self, values: &[(u32, f64)]) {
-        for &(number, value) in values.iter().filter(|(number, _)| (31..=5000).contains(number)) {
+    pub(crate) fn store(&mut self, values: &[Stored]) {
+        for &Stored { number, value, .. } in
+            values.iter().filter(|it| (31..=5000).contains(&it.number))
+        {
             self.fill();
             self.numbered[number as usize] = value;
         }

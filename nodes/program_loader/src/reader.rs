@@ -14,6 +14,7 @@ use crate::interpreter::{After, Interpreter, code_in_tenths};
 use crate::lexer;
 use crate::limits;
 use crate::line::Line;
+use crate::parameter_file::Stored;
 use crate::parameters::{CannotSet, Parameters};
 use crate::rules::Rules;
 use crate::values::Values;
@@ -41,6 +42,8 @@ pub(crate) struct Reader<'r> {
     block: Block,
     section: Section,
     has_blocks: bool,
+    /// The last line of a program without an end, where something is appended to it.
+    last_line_without_end: Option<u32>,
     parameters: Parameters,
     /// It has been said that no log file is written.
     has_reported_log: bool,
@@ -74,6 +77,7 @@ impl<'r> Reader<'r> {
             block: Block::default(),
             section: Section::Before,
             has_blocks: false,
+            last_line_without_end: None,
             parameters: Parameters::default(),
             has_reported_log: false,
             flow: (!flow.entries.is_empty()).then(|| Flow::new(text, flow, options.flow)),
@@ -81,7 +85,7 @@ impl<'r> Reader<'r> {
     }
 
     /// Gives parameters the values of a parameter file.
-    pub(crate) fn store(&mut self, values: &[(u32, f64)]) {
+    pub(crate) fn store(&mut self, values: &[Stored]) {
         self.parameters.store(values);
     }
 
@@ -170,8 +174,8 @@ impl<'r> Reader<'r> {
             self.section = Section::Within;
             self.assign(line);
         }
-        if !self.block.remarks.is_empty() {
-            self.remarks(line);
+        if let Some(remark) = self.block.remark.take() {
+            self.remark(line, remark);
         }
         if self.block.words.is_empty() && !self.block.is_damaged {
             return After::Block;
@@ -188,13 +192,15 @@ impl<'r> Reader<'r> {
     #[cold]
     fn refuse_lasting(&mut self, line: Line<'_>) {
         let Dialect { g, m, .. } = self.rules.dialect;
-        let sets_for_later = self.block.words.iter().any(|word| {
-            word.letter == b'R' || word.letter == b'L' && [1.0, 10.0].contains(&word.value)
-        });
+        let sets_for_later = self
+            .block
+            .words
+            .iter()
+            .any(|word| word.letter == b'L' && [1.0, 10.0].contains(&word.value));
         for word in &self.block.words {
             let lasts = code_in_tenths(word.value).is_some_and(|tenths| match word.letter {
                 b'G' => match g(tenths) {
-                    // A rotation, or a tool.
+                    // A tool.
                     GWord::Offset(OffsetWord::Set) => sets_for_later,
                     word => word.only_acts_later(),
                 },
@@ -366,11 +372,17 @@ impl<'r> Reader<'r> {
             let finding = Finding::error(Code::MissingWord, source, message);
             self.findings.push(finding.help("write G5.3 after the last control point"));
         }
+        if let Some(line) = self.last_line_without_end {
+            return self.no_end(line);
+        }
         if matches!(self.section, Section::After { .. }) {
             return;
         }
         let is_empty_line = self.text.last() == Some(&b'\n');
-        let line = last_line - u32::from(is_empty_line);
+        self.no_end(last_line - u32::from(is_empty_line));
+    }
+
+    fn no_end(&mut self, line: u32) {
         let source = Source { line, column: 1, ..Source::default() };
         self.findings.push(match self.flow.as_ref().and_then(Flow::running) {
             Some(running) => {
@@ -415,6 +427,10 @@ impl<'r> Reader<'r> {
             }
             return true;
         }
+        if line.text == limits::APPENDED.as_bytes() {
+            self.end_before_appended(line);
+            return true;
+        }
         let rest = visible[1..].trim_ascii();
         if !rest.is_empty() && !matches!(rest[0], b'(' | b';') {
             let start = line.text.len() - visible.len();
@@ -434,6 +450,18 @@ impl<'r> Reader<'r> {
             after @ Section::After { .. } => after,
         };
         true
+    }
+
+    /// What is appended to a program begins here.
+    #[cold]
+    fn end_before_appended(&mut self, line: Line<'_>) {
+        if self.section == Section::Within {
+            self.last_line_without_end = Some(line.number.saturating_sub(1));
+        }
+        if !matches!(self.section, Section::After { .. }) {
+            let is_reported = self.flow.as_ref().is_some_and(Flow::has_programs);
+            self.section = Section::After { end_line: line.number, is_reported };
+        }
     }
 
     #[inline]

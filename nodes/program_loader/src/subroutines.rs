@@ -6,7 +6,7 @@
 
 use crate::findings::Findings;
 use crate::flow::FlowMap;
-use crate::limits::{LIBRARY_FILES_MAX, PROGRAM_BYTES_MAX};
+use crate::limits::{APPENDED, LIBRARY_FILES_MAX, PROGRAM_BYTES_MAX};
 use cnc_msgs::profile::Profile;
 use std::collections::BTreeSet;
 
@@ -39,11 +39,14 @@ pub fn with_subroutines(
         {
             // What ends a text ends a file as well.
             let file = file.strip_suffix(b"\x1A").unwrap_or(&file);
+            if !has_files && text.last() == Some(&b'\x1A') {
+                text.pop();
+            }
             if text.last().is_some_and(|&last| last != b'\n') {
                 text.push(b'\n');
             }
             // The program ends here: what stands in a file outside its subroutine is not run.
-            let end = if has_files { "" } else { "%\n" };
+            let end = if has_files { String::new() } else { format!("{APPENDED}\n") };
             has_files = true;
             text.extend_from_slice(format!("{end}(file {name}.ngc)\n").as_bytes());
             text.extend_from_slice(file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file));
@@ -85,8 +88,21 @@ mod tests {
         let main = "o<POCKET> call [1]\no<own> call\no<own> sub\no<own> endsub\nM2";
         assert_eq!(
             assemble(main, &[("pocket", pocket), ("hole", hole), ("own", "G0 X0")]),
-            format!("{main}\n%\n(file pocket.ngc)\n{pocket}(file hole.ngc)\n{hole}")
+            format!("{main}\n{APPENDED}\n(file pocket.ngc)\n{pocket}(file hole.ngc)\n{hole}")
         );
+    }
+
+    #[test]
+    fn a_program_without_an_end_is_still_reported_where_files_follow_it() {
+        let profile = settings::load_profile("rs274").expect("a shipped profile");
+        for (text, line) in [("o<a> call\nG0 X1\n", Some(2)), ("o<a> call\nM2", None)] {
+            let text = assemble(text, &[("a", "o<a> sub\nG0 X2\no<a> endsub\nM2\n")]);
+            let loaded = crate::load(text.as_bytes(), &profile, &crate::LoadOptions::default());
+            let found: Vec<_> =
+                loaded.findings.iter().map(|it| (it.message.as_str(), it.source.line)).collect();
+            let wanted = line.map(|line| ("the program has no end", line));
+            assert_eq!(found, wanted.into_iter().collect::<Vec<_>>(), "{text}");
+        }
     }
 
     #[test]
@@ -94,7 +110,9 @@ mod tests {
         let both = "o<a> sub\no<a> endsub\no<b> sub\no<b> endsub\n";
         let main = "o<a> call\no<b> call\nM2\n";
         let files = [("a", both), ("b", "o<b> sub\no<b> endsub\n")];
-        assert_eq!(assemble(main, &files), format!("{main}%\n(file a.ngc)\n{both}"));
+        assert_eq!(assemble(main, &files), format!("{main}{APPENDED}\n(file a.ngc)\n{both}"));
+        let ended = format!("{}\x1A", main.trim_end());
+        assert_eq!(assemble(&ended, &files), format!("{main}{APPENDED}\n(file a.ngc)\n{both}"));
     }
 
     #[test]

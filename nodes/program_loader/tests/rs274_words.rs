@@ -82,6 +82,10 @@ fn messages_are_events_in_their_place() {
             &[],
         ),
         ("; MSG, no\n(MSG , no)\nM2", "M2", &[]),
+        // Of several comments in a line the last one counts.
+        ("(ABORT, no)(foo)\nM2", "M2", &[]),
+        ("(MSG, a)G0 X2 (MSG, b)\n(MSG, c)()\nM2", "(MSG, b); rapid X2 Y0 Z0 named X; M2", &[]),
+        ("(MSG, a) ; of a\nM2", "(MSG, a); M2", &[]),
     ]);
 }
 
@@ -206,6 +210,10 @@ fn wrong_curves_are_errors_at_their_places() {
         ("G5.2 X1 Y1\nG5.2 P2\nX2 Y2\nG5.3", "a control point without X and Y"),
         ("G5.2 X1 Y1 P-1\nX1 Y1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
         ("G5.2 X1 Y1\nX1 Y1 P-1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
+        (
+            "G5.2 L4 X100 Y0 P900000\nX100 Y20 P1\nX200 Y0 P.000002\nG5.3",
+            "the weights of the curve differ by more than 1000 times",
+        ),
         ("G5.2 X1 Y1\nG1 X5", "the curve that G5.2 begins in line 2 has no G5.3"),
         ("G5.2 X1 Y1\nM30", "the curve that G5.2 begins in line 2 has no G5.3"),
         ("G5.2 X1 Y1\nG92 X0", "the curve that G5.2 begins in line 2 has no G5.3"),
@@ -271,6 +279,9 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
         ("G43.2\nM2", &[("G43.2", "G43.2 without H and without Z")]),
         ("G43 H1\nG43.2 H2\nM2", &[("G43.2", "two lengths of the tool table cannot be added")]),
         ("G10 L1 Z1\nM2", &[("G10", "G10 without P")]),
+        ("G10 L1 P0 Z1\nM2", &[("P0", "P0 is not the number of a tool")]),
+        ("G10 L10 P0 Z1\nM2", &[("P0", "P0 is not the number of a tool")]),
+        ("G10 L11 P0 Z1\nM2", &[("P0", "P0 is not the number of a tool")]),
         ("G10 L1 P1 R-1\nM2", &[("R-1", "R-1 is negative")]),
         (
             "G10 L1 P1 Q3\nM2",
@@ -297,42 +308,36 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
 }
 
 #[test]
-fn a_rotated_work_system_turns_the_moves_of_the_program() {
-    let ends = "the rotation ends with the program: the controller cannot store it";
-    check(&[
-        (
-            "G10 L2 P1 R90\nG0 X10 Y5\nG91 G0 X1\nG90 G1 Y0 Z-2 F100\nG10 L2 P1 R0\nG0 X1 Y1\nM2",
-            "rapid X-5 Y10 Z0 named XY; rapid X-5 Y11 Z0 named XY; \
-             line X0 Y11 Z-2 F100 named XYZ; rapid X1 Y1 Z-2 named XY; M2",
-            &[ends],
-        ),
-        (
-            "F100 G10 L2 P1 X3 Y0 R-90\nG0 X0 Y0\nG2 X10 Y0 I5 J0\nG0 Z5\nG92 X0\nG0 X1\nM2",
-            "G10 L2 P1 X3 Y0; rapid X0 Y0 Z0 named XY; \
-             arc cw xy X0 Y-10 Z0 center X0 Y-5 F100 named XY; rapid X0 Y-10 Z5 named Z; \
-             rapid X0 Y-11 Z5 named XY; M2",
-            &[ends],
-        ),
-        // Of another system: nothing turns before it is selected.
-        (
-            "G10 L2 P2 R180\nG0 X1 Y0\nG55 G0 X1 Y2\nM2",
-            "rapid X1 Y0 Z0 named XY; G55; rapid X-1 Y-2 Z0 named XY; M2",
-            &[ends],
-        ),
-    ]);
-    let lost = "this move starts from where Y is, which is not known since G10 in line 1";
+fn a_cycle_goes_to_its_hole_where_the_tool_was_before_the_machine_moved() {
+    let drill = "rapid X10 Y10 Z2 named Z; line X10 Y10 Z-5 F100 named Z";
+    for (between, acts) in [("G91 G28 X0 Y0\nG90", "G28 XY"), ("G55", "G55")] {
+        let hole = "X10 Y10 Z-5 R2";
+        let text = format!("F100 G0 X10 Y10 Z5\nG81 {hole}\nG80\n{between} G0 Z5\nG81 {hole}\nM2");
+        let wanted = format!(
+            "rapid X10 Y10 Z5 named XYZ; {drill}; rapid X10 Y10 Z5 named Z; {acts}; \
+             rapid X10 Y10 Z5 named Z; rapid X10 Y10 Z5 named XY; {drill}; \
+             rapid X10 Y10 Z5 named Z; M2"
+        );
+        check(&[(&text, &wanted, &[])]);
+    }
+    // Where the program has not named an axis yet.
+    check(&[(
+        "F100 G0 Z5\nG81 X0 Y0 Z-1 R2\nM2",
+        "rapid X0 Y0 Z5 named Z; rapid X0 Y0 Z5 named XY; rapid X0 Y0 Z2 named Z; \
+         line X0 Y0 Z-1 F100 named Z; rapid X0 Y0 Z5 named Z; M2",
+        &[],
+    )]);
+}
+
+#[test]
+fn a_rotated_work_system_is_refused_by_its_word() {
+    let refused = "a rotated work system is not supported";
+    check(&[("G10 L2 P1 X3 R0\nG0 X1\nM2", "G10 L2 P1 X3; rapid X1 Y0 Z0 named X; M2", &[])]);
     check_bad(&[
-        ("G10 L2 P1 R30\nG0 X10\nM2", &[("G0 X10", lost)]),
-        (
-            "F100 G10 L2 P1 R30\nG0 X0 Y0\nG18 G2 X9 I5 K0\nM2",
-            &[("G18 G2 X9 I5 K0", "an arc outside the plane XY in a rotated work system")],
-        ),
+        ("G10 L2 P1 R30\nG0 X10\nM2", &[("R30", refused)]),
+        ("G10 L2 P0 X1 R-90\nG91 G0 X10 Y1\nM2", &[("R-90", refused)]),
+        ("G10 L2 P2 R[1/0]\nG0 X10\nM2", &[("/0", "a division by zero")]),
         ("G10 L20 P1 X1 R5\nM2", &[("R5", "G10 L20 does not take R")]),
-        (
-            "G10 L2 P1 R5\nG0 X0 Y0\nG10 L20 P1 X1\nM2",
-            &[("L20", "G10 L20 in a rotated work system")],
-        ),
-        ("G10 L2 P1 R999999\nM2", &[("R999999", "R999999 is beyond 36000 degrees")]),
     ]);
 }
 
@@ -393,6 +398,24 @@ fn parameters_begin_with_the_values_of_a_parameter_file() {
             ],
         ),
     ]);
+    let no_end = "the program has no end";
+    check(&[
+        // The line that separates them is not the end of the program.
+        (&with("G0 X1", "31 1"), "rapid X1 Y0 Z0 named X", &[no_end]),
+        (&with("%\nG0 X1\n%", "31 1"), "rapid X1 Y0 Z0 named X", &[]),
+        (
+            &with("(parameter file of mine)\n(#100=50)\n(DEBUG, %d#100)\nM2", ""),
+            "(MSG, 0); M2",
+            &[],
+        ),
+        (
+            &with("M2", "7 1\n5100 2\n5400 3"),
+            "M2",
+            &["the parameter file sets #7 and 2 more, which LinuxCNC does not keep: no effect"],
+        ),
+    ]);
+    let loaded = read(&with("G0 X1\n", "31 1"));
+    assert_eq!(loaded.findings[0].source.line, 1);
     let loaded = read(&with("M2", "5250 30"));
     assert!(!loaded.is_accepted());
     assert_eq!(loaded.findings[0].message, "the parameter file rotates work system 2: #5250=30");
@@ -408,8 +431,8 @@ fn polar_words_stand_for_x_and_y() {
             &[],
         ),
         (
-            "G52 X1 Y2\n#1=5\nG20 G0 @#1 ^[45*2]\nG7 G18 G0 @1 ^0\nM2",
-            "rapid X1 Y129 Z0 named XY; plane zx; rapid X26.4 Y2 Z0 named XY; M2",
+            "G52 X1 Y2\n#1=5\nG20 G0 @#1 ^[45*2]\nG7 G0 @1 ^0\nM2",
+            "rapid X1 Y129 Z0 named XY; rapid X26.4 Y2 Z0 named XY; M2",
             &[],
         ),
     ]);
@@ -432,6 +455,8 @@ fn polar_words_stand_for_x_and_y() {
             "F100 G0 X5 Y0 Z5\nG91 G81 ^10 R-1 Z-3 L5\nM2",
             &[("^10", "^10 in a cycle that is repeated with L")],
         ),
+        ("G18\nG0 @10 ^30\nM2", &[("@10", "@10 outside the plane XY")]),
+        ("G19 G0 ^30\nG91 G0 X1\nM2", &[("^30", "^30 outside the plane XY")]),
         ("G0 @[1/0] ^5\nM2", &[("/0", "a division by zero")]),
         ("G0 @9999999 ^5\nM2", &[("@9999999", "@9999999 is beyond 1000000 mm")]),
         (

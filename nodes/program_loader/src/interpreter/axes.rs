@@ -51,7 +51,7 @@ impl Axes {
 
     #[inline]
     pub(super) fn rely_on(&self, axes: AxisSet) -> Reliance {
-        let doubtful = self.unknown.union(self.poisoned).union(self.unnamed);
+        let doubtful = self.doubtful();
         if (axes.bits() & doubtful.bits()) == 0 {
             return Reliance::Known;
         }
@@ -85,6 +85,11 @@ impl Axes {
     /// Marks axes as unknown because of an error that has been reported.
     pub(super) fn poison(&mut self, axes: AxisSet) {
         self.poisoned = self.poisoned.union(axes);
+    }
+
+    /// Axes whose position may be another than `position` says.
+    pub(super) fn doubtful(&self) -> AxisSet {
+        self.unknown.union(self.poisoned).union(self.unnamed)
     }
 
     pub(super) fn cause(&self, axis: usize) -> Cause {

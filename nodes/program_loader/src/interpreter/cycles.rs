@@ -236,7 +236,11 @@ impl Interpreter<'_> {
                 0 if self.axes.position[across] > r => self.axes.position[across],
                 _ => clear,
             };
-            self.go(MotionClass::Rapid, hole, across, above);
+            // To the hole also where the last known position is the same.
+            let absolute = end.named.without(end.relative).without(AxisSet::NONE.with(across));
+            let named = if repeat == 0 { self.axes.doubtful() } else { AxisSet::NONE };
+            let named = AxisSet::from_bits(named.bits() & absolute.bits());
+            self.go_naming(MotionClass::Rapid, hole, across, above, named);
             self.go(MotionClass::Rapid, hole, across, r);
             self.hole(&plan, hole);
         }
@@ -379,11 +383,23 @@ impl Interpreter<'_> {
 
     /// Moves to a hole at this height; nothing if the tool is there.
     fn go(&mut self, class: MotionClass, hole: Position, across: usize, height: f64) {
+        self.go_naming(class, hole, across, height, AxisSet::NONE);
+    }
+
+    /// The same; the move names these axes in any case.
+    fn go_naming(
+        &mut self,
+        class: MotionClass,
+        hole: Position,
+        across: usize,
+        height: f64,
+        named: AxisSet,
+    ) {
         let mut end = hole;
         end[across] = height;
         let from = self.axes.position;
         let moves = (0..3).filter(|&axis| end[axis] != from[axis]);
-        let axes = moves.fold(AxisSet::NONE, AxisSet::with);
+        let axes = moves.fold(named, AxisSet::with);
         if axes.is_empty() {
             return;
         }

@@ -73,7 +73,6 @@ impl Interpreter<'_> {
         if self.only_sets_offsets() {
             return;
         }
-        self.check_rotation(scene);
         if let Some((GWord::Reference { second }, at)) = self.request.g(Group::NonModal) {
             return self.reference(scene, second, at);
         }
@@ -198,6 +197,21 @@ impl Interpreter<'_> {
         }
     }
 
+    /// Extends the bounds by a move.
+    #[inline]
+    pub(super) fn add_to_bounds(
+        &mut self,
+        start: Position,
+        shape: Shape,
+        end: Position,
+        axes: AxisSet,
+    ) {
+        if let Shape::Arc(arc) = &shape {
+            self.bounds.add_arc(start, end, arc);
+        }
+        self.bounds.add_end(end, axes);
+    }
+
     #[inline]
     pub(super) fn emit_motion(
         &mut self,
@@ -217,7 +231,6 @@ impl Interpreter<'_> {
             }
             _ => 0.0,
         };
-        let (shape, end, axes) = self.rotated(shape, end, axes);
         self.emit(ContourEventKind::Motion(Motion { shape, end, class, feed_mm_per_min, axes }));
     }
 

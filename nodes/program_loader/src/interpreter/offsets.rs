@@ -11,9 +11,6 @@ use cnc_msgs::contour::Action;
 use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{AxisSet, Position};
 
-/// The largest rotation, degrees.
-const DEGREES_MAX: f64 = 36_000.0;
-
 /// What a G word does to the zero of the program or to the machine's offsets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum OffsetWord {
@@ -112,7 +109,7 @@ impl Interpreter<'_> {
             return self.set_tool(scene, mode, system, at);
         }
         let (named, values) = self.axis_values(scene);
-        let turn = self.take_within(scene, b'R', 1.0, DEGREES_MAX, "degrees");
+        let turn = self.take(b'R').filter(|&angle| angle != 0.0);
         let by_position = match mode {
             Some(2) => false,
             Some(20) => true,
@@ -150,20 +147,19 @@ impl Interpreter<'_> {
         let system = if system == 0 { active } else { system };
         if by_position && self.request.present.contains(b'R') {
             let message = "G10 L20 does not take R".to_owned();
-            return self.report(scene, b'R', Code::Syntax, message, "rotate with G10 L2");
-        }
-        if by_position && self.is_rotated(self.modal.work_offset) && !named.is_empty() {
-            let message = "G10 L20 in a rotated work system".to_owned();
-            let help = "end the rotation with G10 L2 P0 R0 before it, or write G10 L2";
-            return self.report(scene, b'L', Code::Unsupported, message, help);
-        }
-        if self.request.is_damaged {
-            return;
+            return self.report(scene, b'R', Code::Syntax, message, "delete R");
         }
         if let Some(degrees) = turn {
-            self.set_rotation(scene, system as u8, degrees);
+            // A controller stores none.
+            if !degrees.is_nan() {
+                let message = "a rotated work system is not supported".to_owned();
+                let help = "rotate the program in the CAM system";
+                self.report(scene, b'R', Code::Unsupported, message, help);
+            }
+            self.request.has_refused_word = true;
+            return self.axes.poison(AxisSet::NONE.with(0).with(1));
         }
-        if named.is_empty() {
+        if self.request.is_damaged || named.is_empty() {
             return;
         }
         let mut origin = [0.0; 3];

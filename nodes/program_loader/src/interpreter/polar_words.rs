@@ -7,7 +7,7 @@ use super::{Interpreter, Scene};
 use crate::dialect::{Distance, GWord, Group, Mode};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::finding::Code;
-use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::geometry::{AxisSet, Plane};
 
 /// The values of `@` and `^`, and their places in the block.
 pub(super) type PolarWords = [Option<(f64, usize)>; 2];
@@ -32,6 +32,12 @@ impl Interpreter<'_> {
         let Some(&(_, at)) = words.iter().flatten().next() else { return };
         if words.iter().flatten().any(|(value, _)| value.is_nan()) {
             // It has been reported why; X and Y are not known after it.
+            self.request.set(b'X', f64::NAN, at);
+            return self.request.set(b'Y', f64::NAN, at);
+        }
+        if self.modal.plane != Plane::Xy {
+            let message = format!("{} outside the plane XY", scene.quote(at));
+            self.report_at(scene, at, Code::Plane, message, "write G17 before it, or X and Y");
             self.request.set(b'X', f64::NAN, at);
             return self.request.set(b'Y', f64::NAN, at);
         }
@@ -84,11 +90,22 @@ impl Interpreter<'_> {
             let message = format!("{} is beyond {COORDINATE_MM_MAX} mm", scene.quote(at));
             return self.report_at(scene, at, Code::Limit, message, "look for a missing point");
         }
-        let [sine, cosine] = super::rotation::sine_and_cosine(angle);
+        let [sine, cosine] = sine_and_cosine(angle);
         let start = if is_relative { here } else { [0.0; 2] };
         // X may be a diameter; a distance is none.
         let double = if self.modal.x_is_diameter { 2.0 } else { 1.0 };
         self.request.set(b'X', double * (radius * cosine - start[0]), at);
         self.request.set(b'Y', radius * sine - start[1], at);
+    }
+}
+
+/// Exact where the axes only change places.
+fn sine_and_cosine(degrees: f64) -> [f64; 2] {
+    match degrees.rem_euclid(360.0) {
+        0.0 => [0.0, 1.0],
+        90.0 => [1.0, 0.0],
+        180.0 => [0.0, -1.0],
+        270.0 => [-1.0, 0.0],
+        angle => angle.to_radians().sin_cos().into(),
     }
 }

@@ -5,7 +5,7 @@
 
 use super::moves::End;
 use super::{Interpreter, Scene, arc};
-use crate::curve::{Control, Curve, PIECES_MAX};
+use crate::curve::{Control, Curve, PIECES_MAX, WEIGHT_RATIO_MAX};
 use crate::dialect::{GWord, Group, MWord, Mode};
 use crate::limits::{COORDINATE_MM_MAX, EVENTS_MAX};
 use cnc_msgs::contour::{MotionClass, Source};
@@ -244,7 +244,16 @@ impl Interpreter<'_> {
             self.arrive_at_fault(end);
             return false;
         }
-        let Some(pieces) = Curve { points, order }.pieces() else {
+        let curve = Curve { points, order };
+        if !curve.has_fair_weights() {
+            let message =
+                format!("the weights of the curve differ by more than {WEIGHT_RATIO_MAX} times");
+            let help = "write P with weights that are closer to each other";
+            self.report_block(scene, Code::Limit, message, help);
+            self.arrive_at_fault(end);
+            return false;
+        }
+        let Some(pieces) = curve.pieces() else {
             let message = format!("the curve has more than {PIECES_MAX} lines and arcs");
             self.report_block(scene, Code::Limit, message, "split the curve");
             return false;

@@ -3,7 +3,7 @@
 
 use super::Interpreter;
 use crate::findings::Findings;
-use crate::parameter_file::is_of_the_machine;
+use crate::parameter_file::{Stored, is_kept, is_of_the_machine};
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AxisSet, Position};
@@ -11,9 +11,11 @@ use cnc_msgs::geometry::{AxisSet, Position};
 impl Interpreter<'_> {
     /// Takes the values of a parameter file. Those that LinuxCNC would act on at once are refused
     /// or told.
-    pub(crate) fn store(&mut self, values: &[(u32, f64)], findings: &mut Findings) {
+    pub(crate) fn store(&mut self, values: &[Stored], findings: &mut Findings) {
         findings.begin_block();
-        for &(number, value) in values {
+        self.ignored(values, findings);
+        for &Stored { number, value, line } in values {
+            let place = Source { line, column: 1, ..Source::default() };
             if is_of_the_machine(number) {
                 self.stored.insert(number, value);
             }
@@ -24,27 +26,42 @@ impl Interpreter<'_> {
                     let message = format!(
                         "the parameter file rotates work system {system}: #{number}={value}"
                     );
-                    let help = format!(
-                        "write G10 L2 P{system} R{value} into the program, and 0 into the file"
-                    );
-                    Finding::error(Code::Unsupported, Source::default(), message).help(help)
+                    let help = "write 0 into the file, and rotate the program in the CAM system";
+                    Finding::error(Code::Unsupported, place, message).help(help)
                 }
                 5210 if value != 0.0 => {
                     let message = "the parameter file has G92 in force, and programs begin without";
                     let help = "write G92 into the program if it needs it";
-                    Finding::warning(Code::Unsupported, Source::default(), message).help(help)
+                    Finding::warning(Code::Unsupported, place, message).help(help)
                 }
                 5220 if value != 1.0 && value != 0.0 => {
                     let message = format!(
                         "the parameter file selects work system {value}; programs begin in G54"
                     );
                     let help = "write the work system into the program";
-                    Finding::warning(Code::Unsupported, Source::default(), message).help(help)
+                    Finding::warning(Code::Unsupported, place, message).help(help)
                 }
                 _ => continue,
             };
             findings.push(finding);
         }
+    }
+
+    /// Says that there are values which no program begins with.
+    fn ignored(&self, values: &[Stored], findings: &mut Findings) {
+        let mut others = values.iter().filter(|it| !is_kept(it.number));
+        let Some(first) = others.next() else { return };
+        let more = match others.count() {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        let message = format!(
+            "the parameter file sets #{}{more}, which LinuxCNC does not keep: no effect",
+            first.number
+        );
+        let source = Source { line: first.line, column: 1, ..Source::default() };
+        let help = "delete them from the file; the user's parameters are #31 to #5000";
+        findings.push(Finding::warning(Code::Unsupported, source, message).help(help));
     }
 
     /// The program has set axes of a work system; `None`: to what only the machine knows.

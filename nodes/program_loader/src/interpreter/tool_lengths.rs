@@ -180,6 +180,11 @@ impl Interpreter<'_> {
             }
             return;
         };
+        if tool == 0 {
+            let message = "P0 is not the number of a tool".to_owned();
+            let help = "write P with the number of the tool";
+            return self.report(scene, b'P', Code::BadNumber, message, help);
+        }
         if radius.is_some_and(|radius| radius < 0.0) {
             return self.negative(scene, b'R');
         }

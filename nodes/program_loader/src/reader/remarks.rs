@@ -10,33 +10,31 @@ use crate::values::Values;
 use cnc_msgs::finding::{Code, Finding};
 
 impl Reader<'_> {
-    /// Does what the comments of a block ask for, with the parameters that the block has set.
+    /// Does what the comment of a block asks for, with the parameters that the block has set.
     #[cold]
-    pub(super) fn remarks(&mut self, line: Line<'_>) {
-        for remark in std::mem::take(&mut self.block.remarks) {
-            let text = remark.text(line.text);
-            match remark.word {
-                RemarkWord::Message => {
-                    let text = String::from_utf8_lossy(text).into_owned();
-                    self.show(line, remark, &text);
+    pub(super) fn remark(&mut self, line: Line<'_>, remark: Remark) {
+        let text = remark.text(line.text);
+        match remark.word {
+            RemarkWord::Message => {
+                let text = String::from_utf8_lossy(text).into_owned();
+                self.show(line, remark, &text);
+            }
+            RemarkWord::Debug if self.parameters.numbered(SHOWS_DEBUG) == Some(0.0) => {}
+            RemarkWord::Values | RemarkWord::Debug | RemarkWord::Log => {
+                let text = self.text_with_values(line, remark);
+                if remark.word == RemarkWord::Log {
+                    self.no_log(line, remark);
                 }
-                RemarkWord::Debug if self.parameters.numbered(SHOWS_DEBUG) == Some(0.0) => {}
-                RemarkWord::Values | RemarkWord::Debug | RemarkWord::Log => {
-                    let text = self.text_with_values(line, remark);
-                    if remark.word == RemarkWord::Log {
-                        self.no_log(line, remark);
-                    }
-                    self.show(line, remark, &text);
-                }
-                RemarkWord::LogFile => self.no_log(line, remark),
-                RemarkWord::Abort => {
-                    let source = line.source(self.block.number, remark.start, remark.end);
-                    let text = String::from_utf8_lossy(text);
-                    let message = format!("the program ends itself here: {}", text.trim());
-                    let help = "the program has found what it cannot go on with; change its input";
-                    self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
-                    self.block.is_damaged = true;
-                }
+                self.show(line, remark, &text);
+            }
+            RemarkWord::LogFile => self.no_log(line, remark),
+            RemarkWord::Abort => {
+                let source = line.source(self.block.number, remark.start, remark.end);
+                let text = String::from_utf8_lossy(text);
+                let message = format!("the program ends itself here: {}", text.trim());
+                let help = "the program has found what it cannot go on with; change its input";
+                self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+                self.block.is_damaged = true;
             }
         }
     }
@@ -48,13 +46,17 @@ impl Reader<'_> {
             line: line.number,
             is_single_block: self.options.is_single_block,
         };
-        let (text, unknown) = remark::with_values(remark.text(line.text), &values);
+        let (text, mut unknown) = remark::with_values(remark.text(line.text), &values);
         let source = line.source(self.block.number, remark.start, remark.end);
+        // A loop may come here a million times.
+        let left_out = unknown.len().saturating_sub(self.findings.room());
+        unknown.truncate(unknown.len() - left_out);
         for (name, trouble) in unknown {
             let message = format!("{}: the message shows ######", trouble.message(&name));
             let found = Finding::warning(Code::BadNumber, source, message);
             self.findings.push(found.help(trouble.help()));
         }
+        self.findings.leave_out(left_out);
         text
     }
 

@@ -7,7 +7,14 @@ use super::ProgramRun;
 use crate::driver::context::{Context, Origin};
 use crate::driver::output::LogLevel;
 use cnc_msgs::contour::Action;
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, PathEvent};
+
+/// Messages of a program that are shown at once, when a report comes; the rest comes with the next.
+const SHOWN_MAX: usize = 20;
+/// Texts that the reason of a stop takes: of at most 62 bytes each.
+const REASON_TEXTS_MAX: usize = 8;
+/// Events before a stop that are searched for them.
+const REASON_EVENTS_MAX: usize = 1000;
 
 impl ProgramRun {
     /// Shows the messages that are due.
@@ -19,6 +26,7 @@ impl ProgramRun {
         let answered = self.events_answered(context);
         let tracker = &self.job.tracker;
         let is_held = context.machine.is_held();
+        let mut texts = 0;
         while let Some(event) = self.job.request.path.events.get(self.shown) {
             let is_past = tracker.is_under_way() && tracker.element() >= event.at_element;
             let is_here = self.shown < answered
@@ -29,7 +37,9 @@ impl ProgramRun {
                 break;
             }
             match event.action {
+                Action::Message { .. } if texts == SHOWN_MAX => break,
                 Action::Message { text } => {
+                    texts += 1;
                     context.log(LogLevel::Info, format!("line {}: {text}", event.source.line));
                 }
                 // Some controllers answer M0 before they go on.
@@ -42,10 +52,8 @@ impl ProgramRun {
 
     /// Shows what is left at the end of the program.
     pub(super) fn show_last_messages(&mut self, context: &mut Context) {
-        for event in self.job.request.path.events.iter().skip(self.shown) {
-            if let Action::Message { text } = event.action {
-                context.log(LogLevel::Info, format!("line {}: {text}", event.source.line));
-            }
+        for line in last_lines(&self.job.request.path.events[self.shown..]) {
+            context.log(LogLevel::Info, line);
         }
         self.shown = self.job.request.path.events.len();
     }
@@ -66,16 +74,35 @@ impl ProgramRun {
     }
 }
 
-/// The messages at the same place before an event, since the last stop.
+/// What is said of the messages among the last events of a program.
+fn last_lines(events: &[PathEvent]) -> Vec<String> {
+    let mut texts = events.iter().filter_map(|event| match event.action {
+        Action::Message { text } => Some((event.source.line, text)),
+        _ => None,
+    });
+    let first = texts.by_ref().take(SHOWN_MAX);
+    let mut lines: Vec<String> = first.map(|(line, text)| format!("line {line}: {text}")).collect();
+    let more = texts.count();
+    if more > 0 {
+        lines.push(format!("{more} more messages of the program are in its path only"));
+    }
+    lines
+}
+
+/// The messages at the same place before an event, since the last stop: the last few.
 fn message_before(path: &CompensatedPath, event: usize) -> Option<String> {
     let at = path.events.get(event)?.at_element;
     let mut texts = Vec::new();
-    for earlier in path.events[..event].iter().rev() {
+    for (count, earlier) in path.events[..event].iter().rev().enumerate() {
         let is_stop = matches!(earlier.action, Action::Stop { .. } | Action::ChangeTool { .. });
-        if earlier.at_element != at || is_stop {
+        if earlier.at_element != at || is_stop || count == REASON_EVENTS_MAX {
             break;
         }
         if let Action::Message { text } = earlier.action {
+            if texts.len() == REASON_TEXTS_MAX {
+                texts.push("...".to_owned());
+                break;
+            }
             texts.push(text.to_string());
         }
     }
@@ -87,7 +114,6 @@ fn message_before(path: &CompensatedPath, event: usize) -> Option<String> {
 mod tests {
     use super::*;
     use cnc_msgs::contour::Source;
-    use cnc_msgs::path::PathEvent;
     use cnc_msgs::text::Text;
 
     #[test]
@@ -113,5 +139,33 @@ mod tests {
         {
             assert_eq!(message_before(&path, event).as_deref(), wanted, "event {event}");
         }
+    }
+
+    fn numbered(count: usize) -> Vec<PathEvent> {
+        let event = |n| {
+            let text = Text::new(&format!("m{n}")).expect("short");
+            let source = Source { line: n as u32 + 1, ..Source::default() };
+            PathEvent { at_element: 0, action: Action::Message { text }, source }
+        };
+        (0..count).map(event).collect()
+    }
+
+    #[test]
+    fn a_reason_has_the_last_few_messages_of_very_many() {
+        let mut events = numbered(100_000);
+        let stop = Action::Stop { optional: false };
+        events.push(PathEvent { at_element: 0, action: stop, source: Source::default() });
+        let path = CompensatedPath { events, ..CompensatedPath::default() };
+        let text = message_before(&path, 100_000).expect("a text");
+        assert_eq!(text, "... m99992 m99993 m99994 m99995 m99996 m99997 m99998 m99999");
+        assert_eq!(message_before(&path, REASON_TEXTS_MAX).expect("all").split(' ').count(), 8);
+    }
+
+    #[test]
+    fn the_end_of_a_program_says_how_many_messages_are_left_out() {
+        assert_eq!(last_lines(&numbered(2)), ["line 1: m0", "line 2: m1"]);
+        let lines = last_lines(&numbered(SHOWN_MAX + 7));
+        assert_eq!(lines.len(), SHOWN_MAX + 1);
+        assert_eq!(lines[SHOWN_MAX], "7 more messages of the program are in its path only");
     }
 }

@@ -285,3 +285,28 @@ fn a_message_is_shown_when_the_tool_is_there_and_what_follows_a_stop_after_it() 
     assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
     assert!(bench.log.ends_with(&says("30: end")), "{}", bench.log);
 }
+
+#[test]
+fn very_many_messages_at_one_place_come_in_parts() {
+    let say = |text: &str| Action::Message { text: Text::new(text).expect("short") };
+    let mut path = straight(30);
+    for n in 0..50 {
+        path = with_event(path, 5, say(&format!("five {n}")));
+    }
+    for n in 0..50 {
+        path = with_event(path, 30, say(&format!("end {n}")));
+    }
+    let mut bench = Bench::connected();
+    bench.start(path);
+    let shown = std::cell::Cell::new(0);
+    bench.until("all of them", |bench| {
+        let now = bench.log.matches(": five").count();
+        assert!(now <= shown.get() + 20, "{shown:?}, then {now}");
+        shown.set(now);
+        now == 50
+    });
+    assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
+    let ends = bench.log.matches(": end").count();
+    let rest = format!("{} more messages of the program are in its path only\n", 50 - ends);
+    assert!(ends >= 20 && (ends == 50 || bench.log.ends_with(&rest)), "{}", bench.log);
+}
