@@ -261,6 +261,9 @@ fn the_command_says_what_it_did_and_refuses_what_is_no_shard() {
     let (status, _, error) = run(&["replay", "--build", "a", "--where", "colour = 'red'"]);
     assert_eq!(status, Some(2));
     assert!(error.contains("there is no column `colour`"), "{error}");
+    let (status, _, error) = run(&["replay", "--build", "a", "--bag-mb-max", "17592186044416"]);
+    assert_eq!(status, Some(2));
+    assert!(error.contains("the most is 17592186044415"), "{error}");
     let journal = folder.path().join("journal").display().to_string();
     let words = ["replay", "--build", "a", "--journal", &journal, "--where", "control = 'rs274'"];
     let (status, output, error) = run(&words);
