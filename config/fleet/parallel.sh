@@ -9,7 +9,9 @@ shift $(($# < 2 ? $# : 2))
 fleet=${KERF_FLEET:-kerf-fleet}
 shards() { for index in $(seq 0 $((workers - 1))); do echo "$index/$workers"; done; }
 if command -v parallel >/dev/null; then
-  shards | parallel --will-cite --jobs "$workers" --retries 2 "$fleet" replay --store "$store" --shard {} "$@"
+  # -q: a condition and a path with spaces are one word each.
+  shards | parallel -q --will-cite --jobs "$workers" --retries 2 "$fleet" replay --store "$store" --shard {} "$@"
 else
-  shards | xargs -P "$workers" -I{} "$fleet" replay --store "$store" --shard {} "$@"
+  # shellcheck disable=SC2016 # The inner shell expands these.
+  shards | xargs -P "$workers" -I{} sh -c '"$@" || "$@"' sh "$fleet" replay --store "$store" --shard {} "$@"
 fi

@@ -1,8 +1,9 @@
 -- Ten questions to a store of bags; the folder of the store is the working folder. See docs/fleet.md.
--- Two pushes or two workers may have written a row twice: one is taken.
-CREATE VIEW bags AS SELECT DISTINCT ON (bag) * FROM 'index/*.parquet';
+-- A bag that was marked later has a newer row, and one that was mended another verdict than `error`: these hold.
+CREATE VIEW bags AS SELECT DISTINCT ON (bag) * FROM 'index/*.parquet' ORDER BY bag, pushed DESC;
 CREATE VIEW verdicts AS
-  SELECT DISTINCT ON (build, bag) * FROM read_parquet('verdicts/*/*/*.parquet', hive_partitioning = true);
+  SELECT DISTINCT ON (build, bag) * FROM read_parquet('verdicts/*/*/*.parquet', hive_partitioning = true)
+  ORDER BY build, bag, verdict = 'error';
 
 -- 1 Which alarms stop runs, by program and tool table?
 SELECT program, alarm_code, left(tools_sha256, 8) AS tools, count(*) AS runs, min(start) AS first
@@ -28,7 +29,7 @@ SELECT commander, hour(start) AS hour, avg(feed_override_mean) AS override, coun
 FROM bags WHERE feed_override_mean IS NOT NULL GROUP BY ALL ORDER BY commander, hour;
 
 -- 7 How often does a program not come to its end, and with which codes?
-SELECT program, count(*) AS runs, count(*) FILTER (outcome <> 'succeeded') AS failed,
+SELECT program, count(*) AS runs, count(*) FILTER (outcome IS DISTINCT FROM 'succeeded') AS failed,
   list(DISTINCT error_code) FILTER (error_code > 0) AS codes
 FROM bags GROUP BY program HAVING failed > 0 ORDER BY failed / runs DESC, program;
 

@@ -6,6 +6,7 @@
 use crate::FleetError;
 use crate::core::bisection::{Bisection, Outcome};
 use serde_json::Value;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -39,6 +40,7 @@ pub struct Found {
 /// Searches the first commit that differs. `say` gets a sentence for each commit that is tried.
 pub fn run(order: &Order, say: &dyn Fn(&str)) -> Result<Found, FleetError> {
     let bag = order.bag.canonicalize().map_err(|why| FleetError::file(&order.bag, why))?;
+    let (work, _lock) = taken(&order.work)?;
     let commit = |name: &str| {
         git(&order.repository, &["rev-parse", "--verify", "--quiet", &format!("{name}^{{commit}}")])
             .map_err(|_| {
@@ -62,7 +64,7 @@ pub fn run(order: &Order, say: &dyn Fn(&str)) -> Result<Found, FleetError> {
     let mut built = 0;
     let mut made_of = |commit: &str| -> Result<Option<Value>, FleetError> {
         built += 1;
-        let made = made(order, commit, &bag)?;
+        let made = made(order, &work, commit, &bag)?;
         let said =
             made.as_ref().map_or("does not build, or cannot compare the bag".to_owned(), |made| {
                 let is_reproduced = made["reproduced"].as_bool() == Some(true);
@@ -107,13 +109,28 @@ pub fn run(order: &Order, say: &dyn Fn(&str)) -> Result<Found, FleetError> {
     Ok(Found { commit, subject, suspects, built })
 }
 
+/// The folder of the worktree, for this search alone and whatever the folder of a command is.
+fn taken(work: &Path) -> Result<(PathBuf, File), FleetError> {
+    let failed = |why: std::io::Error| FleetError::file(work, why);
+    std::fs::create_dir_all(work).map_err(failed)?;
+    let work = work.canonicalize().map_err(failed)?;
+    let lock = File::create(work.join("lock")).map_err(failed)?;
+    match lock.try_lock() {
+        Ok(()) => Ok((work, lock)),
+        Err(TryLockError::WouldBlock) => Err(FleetError::file(
+            &work,
+            "another search uses this folder; wait for it, or give another folder with --work",
+        )),
+        Err(TryLockError::Error(why)) => Err(failed(why)),
+    }
+}
+
 /// What a commit makes of the bag, without the name of the bag; `None` if that cannot be said.
-fn made(order: &Order, commit: &str, bag: &Path) -> Result<Option<Value>, FleetError> {
-    let tree = order.work.join("tree");
+fn made(order: &Order, work: &Path, commit: &str, bag: &Path) -> Result<Option<Value>, FleetError> {
+    let tree = work.join("tree");
     if tree.join(".git").exists() {
         git(&tree, &["checkout", "--quiet", "--force", "--detach", commit])?;
     } else {
-        std::fs::create_dir_all(&order.work).map_err(|why| FleetError::file(&order.work, why))?;
         let folder = tree.display().to_string();
         git(&order.repository, &["worktree", "prune"])?;
         git(
@@ -121,7 +138,6 @@ fn made(order: &Order, commit: &str, bag: &Path) -> Result<Option<Value>, FleetE
             &["worktree", "add", "--quiet", "--force", "--detach", &folder, commit],
         )?;
     }
-    let work = order.work.canonicalize().map_err(|why| FleetError::file(&order.work, why))?;
     let target = work.join("target");
     let mut build = Command::new("sh");
     build.args(["-c", &order.build]).current_dir(&tree).env("CARGO_TARGET_DIR", &target);
@@ -129,7 +145,7 @@ fn made(order: &Order, commit: &str, bag: &Path) -> Result<Option<Value>, FleetE
     if !built.status.success() {
         return Ok(None);
     }
-    let program = [target.join(&order.program), work.join("tree").join(&order.program)];
+    let program = [target.join(&order.program), tree.join(&order.program)];
     let Some(program) = program.into_iter().find(|it| it.is_file()) else { return Ok(None) };
     let ran = Command::new(&program).args(["replay", "--json"]).arg(bag).output();
     let ran = ran.map_err(|why| FleetError::file(&program, why))?;

@@ -4,18 +4,19 @@ use crate::FleetError;
 use crate::core::key::{
     INDEX as INDEX_FOLDER, VERDICTS as VERDICTS_FOLDER, build_of_object, part_name, verdicts_of,
 };
-use crate::core::schema::{Column, INDEX, Row, VERDICTS, Value};
+use crate::core::schema::{Column, INDEX, Row, VERDICTS, Value, place};
 use crate::core::shard::Shard;
 use crate::store::{Missing, Store};
 use crate::table::{Texts, from_parquet, to_parquet};
 use bytes::Bytes;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::time::SystemTime;
 
 /// Rows by bag, and what could not be read.
 #[derive(Debug, Default)]
 pub struct Read {
-    /// The first row of each bag: equal bags have equal rows.
+    /// The row of each bag that holds: the newest of the index, a verdict rather than an error.
     pub rows: BTreeMap<String, Row>,
     /// A sentence for each file that is left out.
     pub problems: Vec<String>,
@@ -23,12 +24,21 @@ pub struct Read {
 
 /// Reads columns of the index.
 pub fn index(store: &Store, wanted: &[&str]) -> Result<Read, FleetError> {
-    read(store, INDEX_FOLDER, INDEX, wanted)
+    let wanted = with(wanted, "pushed");
+    let pushed = place(INDEX, "pushed");
+    let holds = |new: &Row, old: &Row| new[pushed].as_integer() > old[pushed].as_integer();
+    let advice =
+        "remove it and push its bags again; `kerf fleet report` lists them as bags without a row";
+    read(store, INDEX_FOLDER, INDEX, &wanted, &holds, advice)
 }
 
 /// Reads columns of the verdicts of a build.
 pub fn verdicts(store: &Store, build: &str, wanted: &[&str]) -> Result<Read, FleetError> {
-    read(store, &verdicts_of(build), VERDICTS, wanted)
+    let wanted = with(wanted, "verdict");
+    let verdict = place(VERDICTS, "verdict");
+    let holds = |_: &Row, old: &Row| old[verdict].as_text() == "error";
+    let advice = "remove it; the next worker replays its bags";
+    read(store, &verdicts_of(build), VERDICTS, &wanted, &holds, advice)
 }
 
 /// The builds that have verdicts, with the time of their first, in the order of these times.
@@ -44,11 +54,19 @@ pub fn builds(store: &Store) -> Result<Vec<(String, SystemTime)>, FleetError> {
     Ok(builds)
 }
 
+/// Columns with one more, each once.
+fn with<'a>(wanted: &[&'a str], name: &'a str) -> Vec<&'a str> {
+    let more = (!wanted.contains(&name)).then_some(name);
+    wanted.iter().copied().chain(more).collect()
+}
+
 fn read(
     store: &Store,
     folder: &str,
     columns: &[Column],
     wanted: &[&str],
+    holds: &dyn Fn(&Row, &Row) -> bool,
+    advice: &str,
 ) -> Result<Read, FleetError> {
     let mut read = Read::default();
     let mut texts = Texts::default();
@@ -63,14 +81,22 @@ fn read(
             }
         };
         match from_parquet(content, columns, wanted, &mut texts) {
-            Err(why) => read.problems.push(format!("{object}: {why}; it is left out")),
+            Err(why) => read.problems.push(format!("{object}: {why}; it is left out: {advice}")),
             Ok(rows) => {
                 for row in rows {
                     let bag = row[0].as_text().to_owned();
                     if bag.is_empty() {
                         continue;
                     }
-                    read.rows.entry(bag).or_insert(row);
+                    match read.rows.entry(bag) {
+                        Entry::Vacant(free) => {
+                            free.insert(row);
+                        }
+                        Entry::Occupied(mut old) if holds(&row, old.get()) => {
+                            old.insert(row);
+                        }
+                        Entry::Occupied(_) => {}
+                    }
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, Clone, thiserror::Error)]
 pub enum FleetError {
     /// Arguments.
     #[error("{0}")]
@@ -13,6 +13,12 @@ pub enum FleetError {
     Table { object: String, why: String },
     #[error("{path}: {why}")]
     File { path: String, why: String },
+    /// It may be there again later.
+    #[error(
+        "{store}: the store does not answer: {why}; mount it or give the right --store, or \
+         `kerf fleet push --create` makes one"
+    )]
+    NoStore { store: String, why: String },
     /// What was to be done is not; each reason has been printed.
     #[error("{0}")]
     NotDone(String),
@@ -21,6 +27,10 @@ pub enum FleetError {
 impl FleetError {
     pub fn file(path: &std::path::Path, why: impl Display) -> Self {
         Self::File { path: path.display().to_string(), why: why.to_string() }
+    }
+
+    pub fn no_store(store: &str, why: &dyn Display) -> Self {
+        Self::NoStore { store: store.to_owned(), why: why.to_string() }
     }
 
     /// The status of the command: 2 for wrong arguments, else 1.

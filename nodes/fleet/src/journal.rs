@@ -9,7 +9,7 @@ use crate::core::key::key_of;
 use crate::core::schema::{Row, VERDICTS};
 use crate::dataset::{row_from_json, row_to_json};
 use serde_json::json;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -19,6 +19,8 @@ use std::path::{Path, PathBuf};
 pub struct Journal {
     file: File,
     path: PathBuf,
+    /// Bags in which workers were stopped and that have no verdict yet, with how often.
+    stopped: BTreeMap<String, u32>,
 }
 
 /// What an earlier worker left.
@@ -26,19 +28,19 @@ pub struct Journal {
 pub struct Left {
     /// Verdicts that are in no part.
     pub rows: Vec<Row>,
-    /// Bags that were begun and not ended.
-    pub stopped_in: BTreeSet<String>,
+    /// Bags that were begun and not ended, with how often.
+    pub stopped_in: BTreeMap<String, u32>,
 }
 
 impl Journal {
-    /// Opens the journal of a shard of a build in a folder, and reads what is left in it.
+    /// Opens the journal of a shard of a build of the store at this place, and reads what is left in it.
     pub fn open(
         folder: &Path,
-        store: &str,
+        place: &str,
         build: &str,
         shard: &str,
     ) -> Result<(Self, Left), FleetError> {
-        let name = format!("{build}-{shard}-{}.jsonl", &key_of(store.as_bytes())[..12]);
+        let name = format!("{build}-{shard}-{}.jsonl", &key_of(place.as_bytes())[..12]);
         let path = folder.join(name);
         fs::create_dir_all(folder).map_err(|why| FleetError::file(folder, why))?;
         let open = OpenOptions::new().read(true).append(true).create(true).open(&path);
@@ -57,7 +59,8 @@ impl Journal {
         let mut text = String::new();
         let read = file.read_to_string(&mut text);
         read.map_err(|why| FleetError::file(&path, format!("{why}; remove it to begin anew")))?;
-        Ok((Self { file, path }, left(&text)))
+        let left = left(&text);
+        Ok((Self { file, path, stopped: left.stopped_in.clone() }, left))
     }
 
     /// A bag is begun.
@@ -67,14 +70,24 @@ impl Journal {
 
     /// A bag has its verdict.
     pub fn end(&mut self, row: &Row) -> Result<(), FleetError> {
+        self.stopped.remove(row[0].as_text());
         self.line(&json!({ "verdict": row_to_json(VERDICTS, row) }))
     }
 
-    /// All is in parts.
+    /// The bag in hand has no verdict, and did not stop the worker.
+    pub fn skip(&mut self, bag: &str) -> Result<(), FleetError> {
+        self.line(&json!({ "skip": bag }))
+    }
+
+    /// All is in parts; which bags stopped workers is kept.
     pub fn clear(&mut self) -> Result<(), FleetError> {
         let cleared =
             self.file.set_len(0).and_then(|()| self.file.seek(SeekFrom::Start(0)).map(|_| ()));
-        cleared.map_err(|why| FleetError::file(&self.path, why))
+        cleared.map_err(|why| FleetError::file(&self.path, why))?;
+        for (bag, times) in self.stopped.clone() {
+            self.line(&json!({ "stopped": bag, "times": times }))?;
+        }
+        Ok(())
     }
 
     /// Removes the file of a shard that is done.
@@ -95,7 +108,15 @@ fn left(text: &str) -> Left {
     for line in text.lines() {
         let Ok(line) = serde_json::from_str::<serde_json::Value>(line) else { continue };
         if let Some(bag) = line.get("begin").and_then(|it| it.as_str()) {
-            left.stopped_in.insert(bag.to_owned());
+            *left.stopped_in.entry(bag.to_owned()).or_default() += 1;
+        } else if let Some(bag) = line.get("stopped").and_then(|it| it.as_str()) {
+            let times = line.get("times").and_then(serde_json::Value::as_u64).unwrap_or(1);
+            *left.stopped_in.entry(bag.to_owned()).or_default() += times.try_into().unwrap_or(1);
+        } else if let Some(bag) = line.get("skip").and_then(|it| it.as_str()) {
+            match left.stopped_in.get_mut(bag) {
+                Some(times) if *times > 1 => *times -= 1,
+                _ => drop(left.stopped_in.remove(bag)),
+            }
         } else if let Some(row) = line.get("verdict") {
             let row = row_from_json(VERDICTS, row);
             left.stopped_in.remove(row[0].as_text());
@@ -138,12 +159,28 @@ mod tests {
         drop(journal);
         let (mut journal, left) = open().expect("a journal");
         assert_eq!(left.rows, [verdict("a"), verdict("b")]);
-        assert_eq!(left.stopped_in, ["c".to_owned()].into());
+        assert_eq!(left.stopped_in, [("c".to_owned(), 1)].into());
         journal.clear().expect("cleared");
+        journal.begin("absent").expect("written");
+        journal.skip("absent").expect("written");
         journal.begin("d").expect("written");
         drop(journal);
+        // What stopped a worker before the journal was cleared is known after it.
+        let (mut journal, left) = open().expect("a journal");
+        let stopped = |name: &str, times| (name.to_owned(), times);
+        assert_eq!(
+            (left.rows.len(), left.stopped_in),
+            (0, [stopped("c", 1), stopped("d", 1)].into())
+        );
+        journal.begin("c").expect("written");
+        drop(journal);
+        let (mut journal, left) = open().expect("a journal");
+        assert_eq!(left.stopped_in, [stopped("c", 2), stopped("d", 1)].into());
+        journal.end(&verdict("c")).expect("written");
+        journal.clear().expect("cleared");
+        drop(journal);
         let (journal, left) = open().expect("a journal");
-        assert_eq!((left.rows.len(), left.stopped_in), (0, ["d".to_owned()].into()));
+        assert_eq!((left.rows.len(), left.stopped_in), (0, [stopped("d", 1)].into()));
         journal.remove().expect("removed");
         assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0);
     }

@@ -5,7 +5,7 @@
 
 use clap::{Args, Parser, Subcommand};
 use fleet::core::condition::Condition;
-use fleet::core::key::check_build;
+use fleet::core::key::{build_name, check_build, key_of};
 use fleet::core::shard::Shard;
 use fleet::store::Store;
 use fleet::{FleetError, bisect, page, push, report, worker};
@@ -54,6 +54,12 @@ struct PushArgs {
     /// Send at most so many kilobytes per second
     #[arg(long, value_name = "KB", value_parser = clap::value_parser!(u32).range(1..))]
     limit_rate: Option<u32>,
+    /// Read the bags that the store has, and send again what is damaged there
+    #[arg(long)]
+    verify: bool,
+    /// Make the store if there is none: once, while its share is mounted
+    #[arg(long)]
+    create: bool,
     /// Keep bags in this folder while the store does not answer; the next push sends them
     #[arg(long, value_name = "DIR")]
     spool: Option<PathBuf>,
@@ -69,13 +75,13 @@ struct ReplayArgs {
     /// Only bags whose row fulfils this: "control = 'rs274' and holds > 0"
     #[arg(long = "where", value_name = "EXPR")]
     condition: Option<Condition>,
-    /// Name of this build in the verdicts [default: the commit that it was built from]
+    /// Name of this build in the verdicts [default: its commit and the sha256 of this program]
     #[arg(long, value_name = "SHA")]
     build: Option<String>,
     /// Folder for what is not yet written to the store [default: kerf-fleet in the temporary folder]
     #[arg(long, value_name = "DIR")]
     journal: Option<PathBuf>,
-    /// Larger bags are not replayed, and have the verdict `error`
+    /// Bags that unpack to more are not replayed, and have the verdict `error`
     #[arg(long, value_name = "MB", default_value_t = 512)]
     bag_mb_max: u64,
 }
@@ -151,30 +157,46 @@ fn say(sentence: &str) {
 }
 
 fn run_push(args: PushArgs) -> Result<ExitCode, FleetError> {
-    let mut store = Store::open(&args.store.store, true)?;
-    store.rate_max = args.limit_rate.map(|kilobytes| f64::from(kilobytes) * 1_000.0);
-    let order = push::Order { bags: args.bags, machine: args.machine, spool: args.spool };
-    let push::Done { sent, known, refused, waiting } = push::push(&store, &order, &say)?;
+    let url = &args.store.store;
+    let store = if args.create { Store::create(url) } else { Store::open(url) };
+    let store = store.map(|mut store| {
+        store.rate_max = args.limit_rate.map(|kilobytes| f64::from(kilobytes) * 1_000.0);
+        store
+    });
+    let order = push::Order {
+        bags: args.bags,
+        machine: args.machine,
+        spool: args.spool,
+        verify: args.verify,
+    };
+    let push::Done { sent, known, refused, waiting } =
+        push::push(store.as_ref().map_err(Clone::clone), &order, &say)?;
     println!("{sent} bags sent, {known} were there, {refused} refused, {waiting} wait");
     Ok(ExitCode::from(u8::from(refused > 0)))
 }
 
 fn run_replay(args: &ReplayArgs) -> Result<ExitCode, FleetError> {
-    let build = args.build.as_deref().or(option_env!("KERF_COMMIT"));
-    let build = build.ok_or_else(|| {
-        FleetError::Usage(
-            "a debug build does not know its commit; name it with --build SHA".to_owned(),
-        )
-    })?;
+    let build = match &args.build {
+        Some(build) => build.clone(),
+        None => own_name()?,
+    };
+    let build = build.as_str();
     check_build(build).map_err(FleetError::Usage)?;
-    let store = Store::open(&args.store.store, false)?;
+    let bag_bytes_max = args.bag_mb_max.checked_mul(1 << 20).ok_or_else(|| {
+        FleetError::Usage(format!(
+            "--bag-mb-max {} is more than a file can have; the most is {}",
+            args.bag_mb_max,
+            u64::MAX >> 20
+        ))
+    })?;
+    let store = Store::open(&args.store.store)?;
     let journal = args.journal.clone().unwrap_or_else(|| std::env::temp_dir().join("kerf-fleet"));
     let order = worker::Order {
         shard: args.shard,
         condition: args.condition.clone(),
         build,
         journal: &journal,
-        bag_bytes_max: args.bag_mb_max << 20,
+        bag_bytes_max,
     };
     let begun = Instant::now();
     let done = worker::run(&store, &order, &say)?;
@@ -189,8 +211,17 @@ fn run_replay(args: &ReplayArgs) -> Result<ExitCode, FleetError> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// The name of this build when none is given.
+fn own_name() -> Result<String, FleetError> {
+    let program = std::env::current_exe().map_err(|why| {
+        FleetError::NotDone(format!("this program is not found: {why}; use --build NAME"))
+    })?;
+    let content = std::fs::read(&program).map_err(|why| FleetError::file(&program, why))?;
+    build_name(option_env!("KERF_COMMIT"), &key_of(&content)).map_err(FleetError::Usage)
+}
+
 fn run_report(args: &ReportArgs) -> Result<ExitCode, FleetError> {
-    let store = Store::open(&args.store.store, false)?;
+    let store = Store::open(&args.store.store)?;
     let report = report::report(&store, args.build.as_deref(), args.against.as_deref())?;
     if args.json {
         println!("{:#}", report.json());

@@ -4,14 +4,14 @@
 //! sent again, and a bag without a row gets one. Nothing of the source is changed or removed.
 
 use crate::core::key::{bag_object, key_of};
-use crate::core::schema::Row;
+use crate::core::schema::{INDEX, Row, Value, place};
 use crate::facts::{Outside, row_of};
-use crate::store::Store;
+use crate::store::{Missing, Store};
 use crate::{FleetError, dataset, spool};
 use bytes::Bytes;
 use run_recorder::bag_reader::{Bag, Problem};
 use run_recorder::stored_bags::MARK_FILE;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -28,6 +28,8 @@ pub struct Order {
     pub machine: Option<String>,
     /// Where bags wait while the store does not answer.
     pub spool: Option<PathBuf>,
+    /// Whether the content of bags that are there is compared, and not only their size.
+    pub verify: bool,
 }
 
 /// What came of it.
@@ -63,8 +65,20 @@ struct Prepared {
 /// Pushes bags, those that wait in the spool first. `say` gets a sentence for each bag that is refused.
 ///
 /// # Errors
-/// The store does not answer, and there is no spool.
-pub fn push(store: &Store, order: &Order, say: &dyn Fn(&str)) -> Result<Done, FleetError> {
+/// The store is none, or does not answer and there is no spool.
+pub fn push(
+    store: Result<&Store, FleetError>,
+    order: &Order,
+    say: &dyn Fn(&str),
+) -> Result<Done, FleetError> {
+    let (store, mut offline) = match store {
+        Ok(store) => (Some(store), None),
+        // What is no store will not be one tomorrow.
+        Err(error) if order.spool.is_none() || matches!(error, FleetError::Usage(_)) => {
+            return Err(error);
+        }
+        Err(error) => (None, Some(error)),
+    };
     let mut done = Done::default();
     let mut items = Vec::new();
     if let Some(folder) = &order.spool {
@@ -82,19 +96,28 @@ pub fn push(store: &Store, order: &Order, say: &dyn Fn(&str)) -> Result<Done, Fl
         is_spooled: false,
     });
     items.extend(given);
-    let mut to = Sender { store, known: None, part: Vec::new(), items: Vec::new() };
-    let mut offline = None;
+    let mut to = Sender {
+        verify: order.verify,
+        problems: Vec::new(),
+        known: None,
+        part: Vec::new(),
+        items: Vec::new(),
+    };
     for item in items {
         let prepared = match prepare(&item) {
             Ok(prepared) => prepared,
+            // Another push with this spool has sent it.
+            Err(_) if item.is_spooled && !item.path.exists() => continue,
             Err(why) => {
                 done.refused += 1;
                 say(&format!("{}: not pushed: {why}", item.path.display()));
                 continue;
             }
         };
-        if offline.is_none() {
-            match to.send(&prepared) {
+        if offline.is_none()
+            && let Some(store) = store
+        {
+            match to.send(store, &prepared) {
                 Ok(is_new) => {
                     done.sent += usize::from(is_new);
                     done.known += usize::from(!is_new);
@@ -102,7 +125,7 @@ pub fn push(store: &Store, order: &Order, say: &dyn Fn(&str)) -> Result<Done, Fl
                     if to.part.len() < PART_ROWS {
                         continue;
                     }
-                    let Err(error) = to.flush() else { continue };
+                    let Err(error) = to.flush(store) else { continue };
                     offline = Some(error);
                     continue;
                 }
@@ -120,9 +143,12 @@ pub fn push(store: &Store, order: &Order, say: &dyn Fn(&str)) -> Result<Done, Fl
         }
         done.waiting += 1;
     }
-    if let Err(error) = to.flush() {
+    if let Some(store) = store
+        && let Err(error) = to.flush(store)
+    {
         offline.get_or_insert(error);
     }
+    to.problems.iter().for_each(|problem| say(problem));
     let Some(error) = offline else { return Ok(done) };
     let Some(folder) = &order.spool else { return Err(error) };
     // These are in the store without a row.
@@ -140,6 +166,8 @@ pub fn push(store: &Store, order: &Order, say: &dyn Fn(&str)) -> Result<Done, Fl
             )?;
         }
     }
+    // One that was given again waits once.
+    done.waiting = spool::waiting(folder)?.len();
     say(&format!(
         "{error}; {} bags wait in {}, the next push sends them",
         done.waiting,
@@ -149,46 +177,79 @@ pub fn push(store: &Store, order: &Order, say: &dyn Fn(&str)) -> Result<Done, Fl
 }
 
 /// The bags that are sent, and their rows until these are written.
-struct Sender<'a> {
-    store: &'a Store,
-    /// The bags with a row; read with the first bag.
-    known: Option<BTreeSet<String>>,
+struct Sender {
+    verify: bool,
+    /// Parts of the index that could not be read.
+    problems: Vec<String>,
+    /// The bags with a row, and its machine and mark; read with the first bag.
+    known: Option<BTreeMap<String, [Value; 2]>>,
     part: Vec<Row>,
     items: Vec<Item>,
 }
 
-impl Sender<'_> {
+impl Sender {
     /// Sends a bag, and keeps its row; whether anything was missing.
-    fn send(&mut self, bag: &Prepared) -> Result<bool, FleetError> {
+    fn send(&mut self, store: &Store, bag: &Prepared) -> Result<bool, FleetError> {
         let known = match &mut self.known {
             Some(known) => known,
             None => {
-                let read = dataset::index(self.store, &["bag"])?;
-                self.known.insert(read.rows.into_keys().collect())
+                let read = dataset::index(store, &["bag", "machine", "kept"])?;
+                self.problems = read.problems;
+                let rows = read.rows.into_iter().map(|(bag, row)| (bag, outside(&row)));
+                self.known.insert(rows.collect())
             }
         };
         let object = bag_object(&bag.key);
-        let is_new = !self.store.has(&object)?;
+        let is_new = !is_whole(store, &object, bag, self.verify)?;
         if is_new {
-            self.store.put(&object, &bag.content)?;
+            store.put(&object, &bag.content)?;
         }
-        let has_no_row = known.insert(bag.key.clone());
-        if has_no_row {
+        // A bag that was marked since, or is of another machine, has a newer row.
+        let said = outside(&bag.row);
+        let has_old_row = known.insert(bag.key.clone(), said.clone()).is_none_or(|it| it != said);
+        if has_old_row {
             self.part.push(bag.row.clone());
         }
-        Ok(is_new || has_no_row)
+        Ok(is_new || has_old_row)
     }
 
     /// Writes the rows, and takes their bags out of the spool.
-    fn flush(&mut self) -> Result<(), FleetError> {
+    fn flush(&mut self, store: &Store) -> Result<(), FleetError> {
+        // Before anything leaves the spool: a share that was unmounted has taken nothing.
+        store.check()?;
         if !self.part.is_empty() {
-            dataset::write_index(self.store, &self.part)?;
+            dataset::write_index(store, &self.part)?;
             self.part.clear();
         }
         for item in self.items.drain(..).filter(|item| item.is_spooled) {
             spool::remove(&item.path)?;
         }
         Ok(())
+    }
+}
+
+/// What a row says that the bag itself does not.
+fn outside(row: &Row) -> [Value; 2] {
+    ["machine", "kept"].map(|name| row[place(INDEX, name)].clone())
+}
+
+/// Whether the store has the bag as it is here, by its size or its content: else it is sent again.
+fn is_whole(
+    store: &Store,
+    object: &str,
+    bag: &Prepared,
+    with_content: bool,
+) -> Result<bool, FleetError> {
+    if store.size(object)? != Some(bag.content.len() as u64) {
+        return Ok(false);
+    }
+    if !with_content {
+        return Ok(true);
+    }
+    match store.get(object) {
+        Ok(content) => Ok(content == bag.content),
+        Err(Missing::Absent) => Ok(false),
+        Err(Missing::Failed(error)) => Err(error),
     }
 }
 
@@ -199,7 +260,9 @@ fn prepare(item: &Item) -> Result<Prepared, String> {
     let content = Bytes::from(content);
     let name = file.display().to_string();
     let mut bag = Bag::open(&name, Cursor::new(content.clone())).map_err(|why| why.to_string())?;
-    let mark = || fs::read_to_string(item.path.join(MARK_FILE)).ok().map(|it| it.trim().to_owned());
+    // The mark is beside the file, whichever of file and folder is given.
+    let mark =
+        || fs::read_to_string(file.with_file_name(MARK_FILE)).ok().map(|it| it.trim().to_owned());
     let kept = item.kept.clone().or_else(mark);
     let key = key_of(&content);
     let outside = Outside {
@@ -210,7 +273,9 @@ fn prepare(item: &Item) -> Result<Prepared, String> {
         kept: kept.clone(),
     };
     // This reads every chunk, and finds what is damaged.
-    let row = row_of(&mut bag, &outside);
+    let mut row = row_of(&mut bag, &outside);
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    row[place(INDEX, "pushed")] = now.map_or(Value::Null, |it| Value::count(it.as_micros()));
     let damages = bag.problems().iter().filter(|it| it.is_damage() && !it.is_of_index());
     let damages: Vec<String> = damages.map(Problem::to_string).collect();
     if !damages.is_empty() {

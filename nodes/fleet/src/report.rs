@@ -178,11 +178,20 @@ impl Report {
     pub fn page_command(&self, bag: &str) -> String {
         let folder = self.store.strip_prefix("file://").unwrap_or(&self.store);
         format!(
-            "kerf replay {folder}/{} --html {}.html",
-            bag_object(bag),
+            "kerf replay {} --html {}.html",
+            shell_word(&format!("{folder}/{}", bag_object(bag))),
             &bag[..12.min(bag.len())]
         )
     }
+}
+
+/// A word of a shell that is this text.
+fn shell_word(text: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-".contains(c);
+    if text.chars().all(is_plain) && !text.starts_with('-') {
+        return text.to_owned();
+    }
+    format!("'{}'", text.replace('\'', r"'\''"))
 }
 
 fn groups(groupings: &[Grouping]) -> String {
@@ -222,4 +231,19 @@ fn groups_json(groupings: &[Grouping]) -> Value {
         rows.collect()
     };
     Value::Object(groupings.iter().map(|it| (it.by.to_owned(), rows(it).into())).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_of_a_shell_is_one_word() {
+        for text in ["/srv/bags/ab.mcap", "/srv/my bags/$(id)", "it's `here`", "a;b"] {
+            let echo = format!("printf %s {}", shell_word(text));
+            let said = std::process::Command::new("sh").args(["-c", &echo]).output();
+            assert_eq!(said.expect("a shell").stdout, text.as_bytes(), "{echo}");
+        }
+        assert_eq!(shell_word("/srv/bags/ab.mcap"), "/srv/bags/ab.mcap");
+    }
 }

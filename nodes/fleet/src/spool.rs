@@ -9,6 +9,7 @@ use serde_json::json;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A bag in the spool.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,7 +19,7 @@ pub struct Waiting {
     pub kept: Option<String>,
 }
 
-/// Puts a bag into the spool, unless it is there.
+/// Puts a bag into the spool, unless it is there whole.
 pub fn add(
     folder: &Path,
     content: &Bytes,
@@ -27,7 +28,10 @@ pub fn add(
 ) -> Result<(), FleetError> {
     fs::create_dir_all(folder).map_err(|why| FleetError::file(folder, why))?;
     let file = folder.join(format!("{}.mcap", key_of(content)));
-    if file.exists() {
+    // A copy of another size was cut short, and one with other bytes is damaged: it is written again.
+    let is_whole = fs::metadata(&file).is_ok_and(|it| it.len() == content.len() as u64)
+        && fs::read(&file).is_ok_and(|it| it == *content);
+    if is_whole {
         return Ok(());
     }
     let said = json!({ "machine": machine, "kept": kept }).to_string();
@@ -61,7 +65,11 @@ pub fn waiting(folder: &Path) -> Result<Vec<Waiting>, FleetError> {
 
 /// Removes a bag that is in the store.
 pub fn remove(file: &Path) -> Result<(), FleetError> {
-    fs::remove_file(file).map_err(|why| FleetError::file(file, why))?;
+    match fs::remove_file(file) {
+        // Another push with this spool has sent it, too.
+        Err(why) if why.kind() == std::io::ErrorKind::NotFound => {}
+        removed => removed.map_err(|why| FleetError::file(file, why))?,
+    }
     // It may be of a spool without one.
     let _ = fs::remove_file(file.with_extension("json"));
     Ok(())
@@ -69,10 +77,17 @@ pub fn remove(file: &Path) -> Result<(), FleetError> {
 
 /// Writes a file that is there whole or not at all, after a power cut too.
 fn write(file: &Path, content: &[u8]) -> Result<(), FleetError> {
-    let temporary = file.with_extension("tmp");
+    static WRITES: AtomicU64 = AtomicU64::new(0);
+    // Pushes may share a spool: no two writes have one temporary file.
+    let (process, write) = (std::process::id(), WRITES.fetch_add(1, Ordering::Relaxed));
+    let mut temporary = file.as_os_str().to_owned();
+    temporary.push(format!(".{process}-{write}.tmp"));
+    let temporary = PathBuf::from(temporary);
     let written = File::create(&temporary)
         .and_then(|mut to| to.write_all(content).and_then(|()| to.sync_all()))
-        .and_then(|()| fs::rename(&temporary, file));
+        .and_then(|()| fs::rename(&temporary, file))
+        // The name is in the folder, and so after a power cut.
+        .and_then(|()| File::open(file.parent().unwrap_or(Path::new(".")))?.sync_all());
     written.map_err(|why| {
         let _ = fs::remove_file(&temporary);
         FleetError::file(file, why)
@@ -100,5 +115,28 @@ mod tests {
         remove(&bag.file).expect("removed");
         assert_eq!(waiting(&spool).expect("a spool"), []);
         assert_eq!(fs::read_dir(&spool).expect("a folder").count(), 1);
+    }
+
+    #[test]
+    fn pushes_that_share_a_spool_leave_whole_bags_and_mend_what_is_cut() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let spool = folder.path();
+        let content = Bytes::from(vec![7; 1 << 20]);
+        let file = spool.join(format!("{}.mcap", key_of(&content)));
+        for cut in [b"cut".to_vec(), vec![8; 1 << 20]] {
+            fs::write(&file, cut).expect("written");
+            std::thread::scope(|scope| {
+                for _ in 0..8 {
+                    scope.spawn(|| add(spool, &content, Some("mill"), None).expect("added"));
+                }
+            });
+            assert!(fs::read(&file).expect("a file") == content);
+            let said = fs::read(file.with_extension("json")).expect("a file");
+            assert_eq!(said, br#"{"kept":null,"machine":"mill"}"#);
+            assert_eq!(fs::read_dir(spool).expect("a folder").count(), 2, "no temporary file");
+        }
+        // Each of two pushes sent it.
+        remove(&file).expect("removed");
+        remove(&file).expect("gone already");
     }
 }

@@ -15,6 +15,9 @@ use tokio::runtime::Runtime;
 const TRIES: u32 = 8;
 /// The pause after the first try; each further one is twice as long.
 const PAUSE: Duration = Duration::from_millis(50);
+/// The object that makes a folder a store, and the format that it names.
+pub const MARKER: &str = "kerf-fleet.json";
+const FORMAT: u64 = 1;
 /// An object larger than this is sent in parts.
 const PART_BYTES: usize = 8 << 20;
 
@@ -23,6 +26,8 @@ const PART_BYTES: usize = 8 << 20;
 pub struct Store {
     inner: Arc<dyn ObjectStore>,
     name: String,
+    /// The same for every spelling of the URL.
+    place: String,
     runtime: Runtime,
     /// The most that is sent, bytes per second on average.
     pub rate_max: Option<f64>,
@@ -44,31 +49,67 @@ pub enum Missing {
 }
 
 impl Store {
-    /// Opens a store by its URL: `file:///srv/bags`, or a folder. `create` makes the folder.
-    pub fn open(url: &str, create: bool) -> Result<Self, FleetError> {
-        let usage = |why: String| FleetError::Usage(format!("--store {url}: {why}"));
-        let folder = match url.split_once("://") {
-            None => Path::new(url),
-            Some(("file", path)) if path.starts_with('/') => Path::new(path),
-            Some(("file", path)) => {
-                return Err(usage(format!("`{path}` is a host; a folder is file:///{path}")));
+    /// Opens a store by its URL: `file:///srv/bags`, or a folder. It must have been made with `create`: a
+    /// mount point whose share is not mounted is no store, and no empty one.
+    pub fn open(url: &str) -> Result<Self, FleetError> {
+        let store = Self::at(url, folder_of(url)?)?;
+        store.check()?;
+        Ok(store)
+    }
+
+    /// Makes a store, or opens the one that is there.
+    pub fn create(url: &str) -> Result<Self, FleetError> {
+        let folder = folder_of(url)?;
+        std::fs::create_dir_all(folder)
+            .map_err(|why| FleetError::file(folder, format!("the store cannot be made: {why}")))?;
+        let store = Self::at(url, folder)?;
+        store.mark()?;
+        Ok(store)
+    }
+
+    fn at(url: &str, folder: &Path) -> Result<Self, FleetError> {
+        let absent = |why: &dyn std::fmt::Display| FleetError::no_store(url, why);
+        let place = folder.canonicalize().map_err(|why| absent(&why))?;
+        let files = object_store::local::LocalFileSystem::new_with_prefix(&place);
+        // What is in the store is there after a power cut, too: its copy in the spool is removed.
+        let files = files.map_err(|why| absent(&why))?.with_fsync(true);
+        let mut store = Self::with(Arc::new(files), url.to_owned())?;
+        store.place = format!("file://{}", place.display());
+        Ok(store)
+    }
+
+    /// Writes the object that makes a folder a store, unless it is there.
+    pub fn mark(&self) -> Result<(), FleetError> {
+        if !self.has(MARKER)? {
+            let content = serde_json::json!({ "kerf_fleet": FORMAT }).to_string();
+            self.put(MARKER, &Bytes::from(content))?;
+        }
+        self.check()
+    }
+
+    /// Whether the store is there: a share may have been unmounted since.
+    pub fn check(&self) -> Result<(), FleetError> {
+        let content = match self.get(MARKER) {
+            Ok(content) => content,
+            Err(Missing::Absent) => {
+                return Err(FleetError::no_store(&self.name, &format!("no {MARKER} is in it")));
             }
-            Some((scheme, _)) => {
-                return Err(usage(format!(
-                    "this build has no stores with {scheme}://; use a folder or file:///FOLDER"
-                )));
+            Err(Missing::Failed(error)) => {
+                return Err(FleetError::no_store(&self.name, &error));
             }
         };
-        if create {
-            std::fs::create_dir_all(folder).map_err(|why| {
-                FleetError::file(folder, format!("the store cannot be made: {why}"))
-            })?;
-        } else if !folder.is_dir() {
-            return Err(usage("there is no such folder; `kerf fleet push` makes it".to_owned()));
+        let said: serde_json::Value = serde_json::from_slice(&content).unwrap_or_default();
+        let usage =
+            |why: String| FleetError::Usage(format!("--store {}: {MARKER} {why}", self.name));
+        match said["kerf_fleet"].as_u64() {
+            Some(version) if version <= FORMAT => Ok(()),
+            Some(version) => Err(usage(format!(
+                "has format {version}, and this build knows up to {FORMAT}; use a newer kerf-fleet"
+            ))),
+            None => Err(usage(format!(
+                "does not name a format; write {{\"kerf_fleet\": {FORMAT}}} into it if this is a store"
+            ))),
         }
-        let files = object_store::local::LocalFileSystem::new_with_prefix(folder);
-        let files = files.map_err(|why| usage(why.to_string()))?;
-        Self::with(Arc::new(files), url.to_owned())
     }
 
     /// A store that is open already.
@@ -79,12 +120,17 @@ impl Store {
             .max_blocking_threads(4)
             .build()
             .map_err(|why| FleetError::NotDone(format!("no thread for the store: {why}")))?;
-        Ok(Self { inner, name, runtime, rate_max: None })
+        Ok(Self { inner, place: name.clone(), name, runtime, rate_max: None })
     }
 
     /// The URL, for people.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Where the store is, the same for every spelling of its URL.
+    pub fn place(&self) -> &str {
+        &self.place
     }
 
     /// Reads an object whole.
@@ -95,10 +141,15 @@ impl Store {
 
     /// Whether an object is there.
     pub fn has(&self, object: &str) -> Result<bool, FleetError> {
+        Ok(self.size(object)?.is_some())
+    }
+
+    /// The bytes of an object, if it is there.
+    pub fn size(&self, object: &str) -> Result<Option<u64>, FleetError> {
         let path = ObjectPath::from(object);
         match self.tried(object, || self.inner.head(&path)) {
-            Ok(_) => Ok(true),
-            Err(Missing::Absent) => Ok(false),
+            Ok(object) => Ok(Some(object.size)),
+            Err(Missing::Absent) => Ok(None),
             Err(Missing::Failed(error)) => Err(error),
         }
     }
@@ -188,6 +239,25 @@ impl Store {
     }
 }
 
+/// The folder of a URL.
+fn folder_of(url: &str) -> Result<&Path, FleetError> {
+    let usage = |why: String| Err(FleetError::Usage(format!("--store {url}: {why}")));
+    match url.split_once("://") {
+        Some(("file", path)) if path.starts_with('/') => Ok(Path::new(path)),
+        Some(("file", path)) => usage(format!("`{path}` is a host; a folder is file:///{path}")),
+        Some((scheme, _)) => usage(format!(
+            "this build has no stores with {scheme}://; use a folder or file:///FOLDER"
+        )),
+        // A forgotten slash would make a folder of this name.
+        None => match url.split_once(':') {
+            Some((scheme, _)) if !scheme.contains('/') => usage(format!(
+                "`{scheme}:` begins a URL; a folder is file:///FOLDER, and one of this name is ./{url}"
+            )),
+            _ => Ok(Path::new(url)),
+        },
+    }
+}
+
 /// Whether another try has the same answer.
 fn is_final(error: &Error) -> bool {
     !matches!(error, Error::Generic { .. } | Error::JoinError { .. })
@@ -199,8 +269,6 @@ mod tests {
 
     #[test]
     fn what_is_no_store_is_refused_with_what_is_one() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let none = folder.path().join("none").display().to_string();
         for (url, expected) in [
             (
                 "gopher://x",
@@ -211,19 +279,62 @@ mod tests {
                 "--store file://srv/bags: `srv/bags` is a host; a folder is file:///srv/bags"
                     .to_owned(),
             ),
-            (&none, format!("--store {none}: there is no such folder; `kerf fleet push` makes it")),
+            (
+                "file:/srv/x",
+                "--store file:/srv/x: `file:` begins a URL; a folder is file:///FOLDER".to_owned(),
+            ),
         ] {
-            let error = Store::open(url, false).expect_err(url);
-            assert!(error.to_string().starts_with(&expected), "{error}");
+            for error in [Store::open(url), Store::create(url)] {
+                let error = error.expect_err(url);
+                assert!(error.to_string().starts_with(&expected), "{error}");
+                assert_eq!(error.status(), 2);
+            }
+        }
+        assert!(!Path::new("file:").exists());
+    }
+
+    #[test]
+    fn a_store_is_one_that_was_made() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let bare = folder.path().display().to_string();
+        let none = folder.path().join("none").display().to_string();
+        for (url, why) in [(&none, "No such file"), (&bare, "no kerf-fleet.json is in it")] {
+            let error = Store::open(url).expect_err("no store");
+            let text = error.to_string();
+            assert!(
+                text.starts_with(&format!("{url}: the store does not answer: {why}")),
+                "{text}"
+            );
+            assert!(text.contains("`kerf fleet push --create` makes one"), "{text}");
+            assert_eq!(error.status(), 1);
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+        let made = Store::create(&bare).expect("made");
+        Store::create(&bare).expect("opened");
+        let marker = folder.path().join(MARKER);
+        assert_eq!(std::fs::read(&marker).expect("a file"), br#"{"kerf_fleet":1}"#);
+        // Every spelling is one place.
+        for url in [format!("file://{bare}"), format!("{bare}/./")] {
+            assert_eq!(Store::open(&url).expect("a store").place(), made.place());
+        }
+        for (content, why) in [
+            (r#"{"kerf_fleet": 2}"#, "kerf-fleet.json has format 2, and this build knows up to 1"),
+            ("", "kerf-fleet.json does not name a format"),
+        ] {
+            std::fs::write(&marker, content).expect("written");
+            let error = Store::open(&bare).expect_err("of another format");
+            assert!(error.to_string().contains(why), "{error}");
             assert_eq!(error.status(), 2);
         }
+        std::fs::remove_file(marker).expect("removed");
+        assert!(matches!(made.check(), Err(FleetError::NoStore { .. })), "it went away");
     }
 
     #[test]
     fn an_object_comes_back_and_one_that_is_not_there_is_absent() {
         let folder = tempfile::tempdir().expect("a folder");
         let url = format!("file://{}/made", folder.path().display());
-        let store = Store::open(&url, true).expect("a store");
+        let store = Store::create(&url).expect("a store");
         let large = Bytes::from(vec![7; PART_BYTES * 2 + 1]);
         for (object, content) in [("a/small", Bytes::from_static(b"1")), ("a/b/large", large)] {
             assert!(!store.has(object).expect("an answer"));

@@ -86,3 +86,35 @@ fn what_cannot_be_searched_is_refused() {
         assert!(text.contains(says), "{text}");
     }
 }
+
+#[test]
+fn two_searches_do_not_share_a_folder_and_a_relative_one_is_of_this_folder() {
+    let folder = tempdir().expect("a folder");
+    let repository = folder.path().join("repository");
+    fs::create_dir(&repository).expect("a folder");
+    let commits = history(&repository, &[SAME, SAME, OTHER]);
+    fs::write(folder.path().join("bag.mcap"), b"x").expect("written");
+    let search = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_kerf-fleet"));
+        command.current_dir(folder.path()).args([
+            "bisect",
+            "bag.mcap",
+            "--repository",
+            "repository",
+        ]);
+        command.args(["--good", &commits[0], "--bad", &commits[2], "--work", "work"]);
+        command.args(["--build-with", "chmod +x kerf", "--program", "kerf"]);
+        let output = command.output().expect("a process");
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(text).expect("UTF-8"))
+    };
+    let (status, text) = search();
+    assert_eq!(status, Some(0), "{text}");
+    assert!(text.contains(&format!("{} Version 2\n", commits[2])), "{text}");
+    assert!(folder.path().join("work/tree").exists() && !repository.join("work").exists());
+    let other = fs::File::open(folder.path().join("work/lock")).expect("a lock");
+    other.lock().expect("locked");
+    let (status, text) = search();
+    assert_eq!(status, Some(1), "{text}");
+    assert!(text.contains("another search uses this folder"), "{text}");
+}

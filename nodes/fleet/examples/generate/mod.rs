@@ -5,7 +5,7 @@
 
 mod line;
 
-use axis_driver::driver::{DriverConfig, RunRequest};
+use axis_driver::driver::{DriverConfig, OnPathDeviation, RunRequest};
 use cnc_msgs::chunk::{
     Collector, ContourChunks, PathChunks, ProgramChunks, program_id, sha256_hex,
 };
@@ -272,7 +272,18 @@ fn plan(
             ..Default::default()
         },
     };
+    let mut words = OnPathDeviation::WORDS.iter();
+    let word = words.find(|(_, policy)| *policy == config.on_path_deviation).expect("a word").0;
+    let watch = Parameter {
+        name: "on_path_deviation".to_owned(),
+        value: ParameterValue {
+            type_: ParameterType::PARAMETER_STRING,
+            string_value: word.to_owned(),
+            ..Default::default()
+        },
+    };
     let parameters = vec![
+        watch,
         parameter("busy_poll_interval_ms", config.busy_poll_interval_ms),
         parameter("line_check_interval_ms", config.line_check_interval_ms),
     ];

@@ -71,6 +71,21 @@ pub fn check_build(build: &str) -> Result<(), String> {
     ))
 }
 
+/// The name of this build when none is given: its commit, and the first digits of the program's sha256,
+/// for an edited build may have the commit's name.
+pub fn build_name(commit: Option<&str>, program_sha256: &str) -> Result<String, String> {
+    let Some(commit) = commit else {
+        return Err("a debug build does not know its commit; name it with --build NAME".to_owned());
+    };
+    if commit.ends_with("-dirty") {
+        return Err(format!(
+            "this build is {commit}: its tree had changes without a commit, which others cannot build; commit \
+             them, or name the build with --build NAME"
+        ));
+    }
+    Ok(format!("{commit}-{}", program_sha256.get(..8).unwrap_or(program_sha256)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,6 +107,18 @@ mod tests {
         assert_eq!(part_name(["b", "a"]), part_name(["a", "b"]));
         assert_ne!(part_name(["a"]), part_name(["a", "b"]));
         assert_eq!(part_name(["a"]).len(), 16);
+    }
+
+    #[test]
+    fn a_build_that_nobody_named_is_its_commit_and_its_program() {
+        let sha256 = key_of(b"");
+        assert_eq!(build_name(Some("1f3a9c0"), &sha256), Ok("1f3a9c0-e3b0c442".to_owned()));
+        for (commit, says) in
+            [(None, "does not know its commit"), (Some("1f3a9c0-dirty"), "had changes")]
+        {
+            let why = build_name(commit, &sha256).expect_err("no name");
+            assert!(why.contains(says) && why.contains("--build NAME"), "{why}");
+        }
     }
 
     #[test]

@@ -7,4 +7,5 @@ pub mod key;
 pub mod schema;
 pub mod shard;
 pub mod todo;
+pub mod unpacked;
 mod words;

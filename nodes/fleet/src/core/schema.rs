@@ -53,7 +53,7 @@ pub const INDEX: &[Column] = &[
     (
         "least_clearance_mm",
         Kind::Real,
-        "how much larger the tool may be before a wall or lead stops it; the least of all spans",
+        "how far the radius may grow before a wall or lead ends the certificate, of those that it has not ended already; the least of all spans",
     ),
     (
         "certificate_slack_mm",
@@ -77,6 +77,7 @@ pub const INDEX: &[Column] = &[
     ("complete", Kind::Integer, "1 when nothing is known to be missing, else 0"),
     ("kept", Kind::Text, "why the bag was marked; empty when it was not"),
     ("problem", Kind::Text, "why the bag cannot be read as a run; empty when it can"),
+    ("pushed", Kind::Time, "when this row was written, UTC; of two rows of a bag the newest holds"),
 ];
 
 /// The verdicts: one row for each bag and build.
@@ -84,7 +85,11 @@ pub const VERDICTS: &[Column] = &[
     ("bag", Kind::Text, "as in the index"),
     ("verdict", Kind::Text, "reproduced, different, or error: it cannot be compared"),
     ("level", Kind::Text, "the first level that differs: loader, planner or driver"),
-    ("message", Kind::Text, "kind of the message of the first difference"),
+    (
+        "message",
+        Kind::Text,
+        "kind of the message of the first difference; of an error what failed: object, limit, stop or bag",
+    ),
     ("field", Kind::Text, "its field, without indexes"),
     ("text", Kind::Text, "the first difference or the error, for people"),
     ("line", Kind::Integer, "line of the program"),

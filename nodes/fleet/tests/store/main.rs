@@ -1,5 +1,6 @@
 //! Stores, workers and reports, on bags of runs in virtual time.
 
+mod mended;
 #[path = "../support/mod.rs"]
 mod support;
 
@@ -22,7 +23,7 @@ use tempfile::tempdir;
 fn pushed(store: &Store, bags: Vec<PathBuf>) -> (Pushed, Vec<String>) {
     let sentences = RefCell::new(Vec::new());
     let order = Push { bags, ..Push::default() };
-    let done = push(store, &order, &|text| sentences.borrow_mut().push(text.to_owned()));
+    let done = push(Ok(store), &order, &|text| sentences.borrow_mut().push(text.to_owned()));
     (done.expect("a push"), sentences.into_inner())
 }
 
@@ -117,10 +118,16 @@ fn bad_input_is_named_and_the_rest_is_done() {
     let report = report(&store, Some("today"), None).expect("a report");
     assert_eq!(report.rows_without_bag, [keys[2].clone()]);
     assert_eq!(report.bags_without_row, ["ab".repeat(32)]);
-    // Pushing again mends the one, and the next worker replays it.
-    assert_eq!(pushed(&store, vec![bags()[2].clone()]).0, counted(1, 0, 0));
+    // Pushing again mends both, and the next worker replays them.
+    assert_eq!(pushed(&store, bags()[2..4].to_vec()).0, counted(2, 0, 0));
     let done = replay(&store, "0/1", "today", &journal).expect("a shard");
-    assert_eq!((done.replayed, done.absent), (1, 0));
+    assert_eq!((done.replayed, done.absent), (2, 0));
+    let verdicts =
+        fleet::dataset::verdicts(&store, "today", &["bag", "verdict"]).expect("verdicts");
+    for key in &keys[2..4] {
+        assert_eq!(verdicts.rows[key][1].as_text(), "reproduced");
+    }
+    assert_eq!(replay(&store, "0/1", "today", &journal).expect("a shard").replayed, 0);
 }
 
 #[test]
@@ -138,13 +145,21 @@ fn an_index_of_another_version_is_named_and_the_shard_is_not_called_done() {
     let report = report(&store, None, None).expect("a report");
     let [problem] = &report.problems[..] else { panic!("{:?}", report.problems) };
     assert!(problem.starts_with("index/other.parquet: "), "{problem}");
+    assert!(problem.contains("remove it and push its bags again"), "{problem}");
+    // A push names it too, and does its work.
+    let (done, sentences) = pushed(&store, bags()[3..4].to_vec());
+    assert_eq!(done, counted(1, 0, 0));
+    assert_eq!(&sentences, &report.problems);
+    // The advice helps.
+    fs::remove_file(folder.path().join("store/index/other.parquet")).expect("removed");
+    assert_eq!(replay(&store, "0/1", "today", &journal).expect("done").replayed, 1);
 }
 
 #[test]
 fn a_store_that_fails_one_request_in_ten_loses_and_doubles_nothing() {
     let folder = tempdir().expect("a folder");
     let at = folder.path().join("store");
-    fs::create_dir(&at).expect("a folder");
+    open(&at);
     let failing = Arc::new(Failing::new(&at, 10, u64::MAX));
     let store = Store::with(failing.clone(), "failing".into()).expect("a store");
     let some = bags()[..60].to_vec();
@@ -165,7 +180,7 @@ fn a_store_that_fails_one_request_in_ten_loses_and_doubles_nothing() {
 fn what_a_full_store_does_not_take_waits_in_the_spool() {
     let folder = tempdir().expect("a folder");
     let (at, spool) = (folder.path().join("store"), folder.path().join("spool"));
-    fs::create_dir(&at).expect("a folder");
+    open(&at);
     let size = |bag: &PathBuf| fs::metadata(bag).expect("a file").len();
     let room = bags()[..5].iter().map(size).sum::<u64>() + 1_000;
     let full =
@@ -173,16 +188,16 @@ fn what_a_full_store_does_not_take_waits_in_the_spool() {
     let some = bags()[..12].to_vec();
     // Without a spool it is an error, and nothing is lost: the bags are where they were.
     let order = Push { bags: some.clone(), ..Push::default() };
-    let error = push(&full, &order, &|_| {}).expect_err("it is full").to_string();
+    let error = push(Ok(&full), &order, &|_| {}).expect_err("it is full").to_string();
     assert!(error.starts_with("full: ") && error.contains("no space left on device"), "{error}");
     let order = Push { bags: some, spool: Some(spool.clone()), ..Push::default() };
-    let done = push(&full, &order, &|_| {}).expect("they wait");
+    let done = push(Ok(&full), &order, &|_| {}).expect("they wait");
     assert_eq!(done.waiting + done.sent, 12);
     assert!(done.waiting >= 7, "{done:?}");
     // Days later there is room: only the spool is pushed.
     let store = open(&at);
     let order = Push { spool: Some(spool.clone()), ..Push::default() };
-    push(&store, &order, &|_| {}).expect("pushed");
+    push(Ok(&store), &order, &|_| {}).expect("pushed");
     assert_eq!(indexed(&store).len(), 12);
     assert_eq!(store.list("bags").expect("a listing").len(), 12);
     assert_eq!(fs::read_dir(&spool).expect("a folder").count(), 0);
@@ -246,6 +261,9 @@ fn the_command_says_what_it_did_and_refuses_what_is_no_shard() {
     let (status, _, error) = run(&["replay", "--build", "a", "--where", "colour = 'red'"]);
     assert_eq!(status, Some(2));
     assert!(error.contains("there is no column `colour`"), "{error}");
+    let (status, _, error) = run(&["replay", "--build", "a", "--bag-mb-max", "17592186044416"]);
+    assert_eq!(status, Some(2));
+    assert!(error.contains("the most is 17592186044415"), "{error}");
     let journal = folder.path().join("journal").display().to_string();
     let words = ["replay", "--build", "a", "--journal", &journal, "--where", "control = 'rs274'"];
     let (status, output, error) = run(&words);

@@ -46,7 +46,7 @@ pub(crate) fn root(path: &str) -> PathBuf {
 }
 
 pub(crate) fn open(folder: &Path) -> Store {
-    Store::open(&folder.display().to_string(), true).expect("a store")
+    Store::create(&folder.display().to_string()).expect("a store")
 }
 
 /// Replays a shard in this process.
