@@ -1,7 +1,7 @@
 //! One test for each thing that goes wrong on a shop floor.
 
 use crate::certified::Certified;
-use crate::parts::{Part, START, router};
+use crate::parts::{Part, START, holding, router};
 use axis_driver::codes::error_code;
 use axis_driver::driver::{Command, DriverConfig, OffsetRequest, OnPathDeviation, RunOutcome};
 use cnc_msgs::contour::{Action, SpindleMode};
@@ -70,11 +70,8 @@ fn spoilt(
     // No field of the receive buffer: a second sender fills it too.
     let mask = if firmware == Firmware::GrblHal { "$10=509" } else { "$10=1" };
     // And room for what it sends; no check notices that its answers are not counted.
-    let config = DriverConfig {
-        receive_buffer_bytes: Some(90),
-        line_check_interval_ms: 0,
-        ..DriverConfig::default()
-    };
+    let config =
+        DriverConfig { receive_buffer_bytes: Some(90), line_check_interval_ms: 0, ..holding() };
     let mut line = router(firmware, &[mask], config);
     let certified = Certified::new(&path, START, START);
     line.start(path, 0);
@@ -218,7 +215,7 @@ fn a_work_offset_that_nobody_asked_for_is_held_before_the_tool_moves_in_it() {
         let what = format!("{firmware}: the offset is set by another");
         assert_deviation(&mut line, &what, off_mm, off_s);
         // The words that every run begins with select another system.
-        let mut line = router(firmware, &[], DriverConfig::default());
+        let mut line = router(firmware, &[], holding());
         let origin = [START[0] + 7.0, START[1], START[2]];
         let other =
             OffsetRequest { system: 2, axes: AxisSet::ALL, position: origin, is_origin: true };
@@ -240,7 +237,7 @@ fn words_in_force_that_were_not_sent_are_held() {
     for firmware in Firmware::ALL {
         for (from, to) in [("F4000", "F4900"), ("S12000", "S2000"), ("M3", "M4")] {
             let what = format!("{firmware}: {from} as {to}");
-            let mut line = router(firmware, &[], DriverConfig::default());
+            let mut line = router(firmware, &[], holding());
             replace_next(&mut line, from, to);
             line.start(part(false), 0);
             line.until("it is held", |line| line.mode() == Mode::Hold || line.finished.is_some());
@@ -255,7 +252,7 @@ fn words_in_force_that_were_not_sent_are_held() {
 #[test]
 fn the_last_line_is_looked_at_before_the_run_is_called_done() {
     for firmware in Firmware::ALL {
-        let mut line = router(firmware, &[], DriverConfig::default());
+        let mut line = router(firmware, &[], holding());
         let mut part = Part::new();
         part.line([0.5, 0.0, 0.0]);
         replace_next(&mut line, "X.5", "X.1");
@@ -294,7 +291,7 @@ fn the_operator_may_resume_and_what_is_sent_then_is_watched_again() {
 #[test]
 fn the_parameter_says_what_is_done() {
     for (policy, logged) in [(OnPathDeviation::Log, true), (OnPathDeviation::Off, false)] {
-        let config = DriverConfig { on_path_deviation: policy, ..DriverConfig::default() };
+        let config = DriverConfig { on_path_deviation: policy, ..holding() };
         let mut line = router(Firmware::GrblHal, &[], config);
         replace_next(&mut line, "X31\n", "X37\n");
         let result = line.run(part(false));

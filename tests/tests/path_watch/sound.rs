@@ -1,6 +1,6 @@
 //! No false alarm: runs with nothing wrong, on every firmware.
 
-use crate::parts::{Part, Random, START, random_part, router};
+use crate::parts::{Part, Random, START, holding, random_part, router};
 use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, Overrides, RunOutcome};
 use cnc_msgs::contour::{Action, SpindleMode};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
@@ -101,7 +101,7 @@ fn change_by_hand(line: &mut Line, random: &mut Random) {
 fn sound_runs(firmware: Firmware, seed: u64, runs: u32) -> Duration {
     let mut random = Random(seed);
     let lines = settings(firmware, &mut random);
-    let config = DriverConfig { tool_change_return: true, ..DriverConfig::default() };
+    let config = DriverConfig { tool_change_return: true, ..holding() };
     let mut line = router(firmware, &lines, config);
     line.forget_written();
     let mut took = Duration::ZERO;
@@ -185,7 +185,7 @@ fn programs_that_move_their_frame_are_followed() {
             Firmware::Grbl | Firmware::FluidNc => &["$10=3", "$10=0"],
         };
         for mask in masks {
-            let mut line = router(firmware, &[mask], DriverConfig::default());
+            let mut line = router(firmware, &[mask], holding());
             let mut part = Part::new();
             part.line([10.0, 0.0, 0.0]);
             let origin = [START[0] + 30.0, START[1] - 20.0, START[2] + 4.0];
