@@ -60,6 +60,8 @@ fn attend(line: &mut Line, random: &mut Random) {
                     };
                     line.begin(Command::SetOverrides(wanted));
                 }
+                // Some boards do so a few times a night.
+                4 => line.controller.device_mut().controller_mut().tear_report(),
                 3 => {
                     is_single = !is_single;
                     line.ask(Command::SetSingleBlock(is_single)).expect("single block");
