@@ -292,6 +292,20 @@ fn the_operator_may_resume_and_what_is_sent_then_is_watched_again() {
 }
 
 #[test]
+fn a_board_whose_motors_do_not_move_along_straight_axes_is_not_held() {
+    for (kinematics, is_held) in [("CoreXY", true), ("WallPlotter", false)] {
+        let mut line = router(Firmware::FluidNc, &[], holding());
+        line.inject(&format!("push:[MSG:INFO: Kinematic system: {kinematics}]"));
+        line.wait(0.3);
+        replace_next(&mut line, "X31\n", "X37\n");
+        line.start(part(false), 0);
+        line.until("it is held", |line| line.mode() == Mode::Hold || line.finished.is_some());
+        assert_eq!(line.mode() == Mode::Hold, is_held, "{kinematics}: {:?}", line.log);
+        assert!(line.log.iter().any(|text| text.starts_with("PATH_DEVIATION")), "{kinematics}");
+    }
+}
+
+#[test]
 fn the_parameter_says_what_is_done() {
     for (policy, logged) in [(OnPathDeviation::Log, true), (OnPathDeviation::Off, false)] {
         let config = DriverConfig { on_path_deviation: policy, ..holding() };

@@ -58,6 +58,14 @@ impl Machine {
         both.is_some_and(|(is, shown)| (0..3).all(|axis| (is[axis] - shown[axis]).abs() < SAME_MM))
     }
 
+    /// Kinematics whose motors go between two places on another way than a straight line.
+    pub(in crate::driver) fn other_kinematics(&self) -> Option<&str> {
+        const STRAIGHT: [&str; 3] = ["cartesian", "corexy", "midtbot"];
+        let name = self.kinematics.as_deref()?;
+        let is_straight = STRAIGHT.iter().any(|known| known.eq_ignore_ascii_case(name));
+        (!is_straight).then_some(name)
+    }
+
     /// The offsets as they are known now.
     pub(in crate::driver) fn frame(&self) -> Frame {
         let stored = |name: &str| {

@@ -51,9 +51,17 @@ impl ProgramRun {
     }
 
     /// The first line is about to be sent; the machine stands.
-    pub(super) fn begin_watch(&mut self, context: &Context) {
+    pub(super) fn begin_watch(&mut self, context: &mut Context) {
         if !self.is_watched(context) {
             return;
+        }
+        let is_hold = context.config.on_path_deviation == OnPathDeviation::Hold;
+        if let Some(name) = context.machine.other_kinematics().filter(|_| is_hold) {
+            let text = format!(
+                "with {name} kinematics the tool is off the straight lines that were sent: \
+                 on_path_deviation is log in this run"
+            );
+            context.log(LogLevel::Warn, text);
         }
         let units = context.link.units();
         let mut watch = context.machine.path_watch(units, self.watch.has_fresh_offsets);
@@ -174,7 +182,7 @@ impl ProgramRun {
         if !Doubt::is_over(doubt, context, since, &deviation) {
             return EndOfLines::Waits;
         }
-        if matches!(then, Then::End) && context.config.on_path_deviation == OnPathDeviation::Hold {
+        if matches!(then, Then::End) && policy(context) == OnPathDeviation::Hold {
             let text = format!("{PATH_DEVIATION}: {deviation}");
             context.log(LogLevel::Error, text.clone());
             self.job.blamed_line = deviation.culprit().source_line;
@@ -207,7 +215,7 @@ impl ProgramRun {
 
     fn on_deviation(&mut self, context: &mut Context, deviation: &Deviation) {
         let text = format!("{PATH_DEVIATION}: {deviation}");
-        match context.config.on_path_deviation {
+        match policy(context) {
             OnPathDeviation::Off => {}
             OnPathDeviation::Log => {
                 context.log(LogLevel::Warn, text);
@@ -221,6 +229,16 @@ impl ProgramRun {
                 self.hold_for(context, format!("{text}; cancel, or resume to go on all the same"));
             }
         }
+    }
+}
+
+/// What is done about a deviation on this board.
+fn policy(context: &Context) -> OnPathDeviation {
+    match context.config.on_path_deviation {
+        OnPathDeviation::Hold if context.machine.other_kinematics().is_some() => {
+            OnPathDeviation::Log
+        }
+        wanted => wanted,
     }
 }
 

@@ -114,6 +114,7 @@ impl Controller {
             return machine;
         };
         self.is_torn = false;
+        self.counts.torn_reports += 1;
         let mut read = machine;
         read[axis] += ahead[axis].signum() * TORN_STEPS / self.memory.settings.steps_per_mm()[axis];
         read
