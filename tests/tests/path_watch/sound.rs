@@ -28,7 +28,10 @@ fn settings(firmware: Firmware, random: &mut Random) -> Vec<&'static str> {
 
 /// Does to a run what an operator does, and lets it end.
 fn attend(line: &mut Line, random: &mut Random) {
+    /// Two wrong reports within the lines that the planner holds may be held against a run.
+    const BETWEEN_TORN: Duration = Duration::from_secs(30);
     let mut is_single = false;
+    let mut torn_at = line.now;
     while line.finished.is_none() {
         let state = line.state();
         assert!(!state.reason.starts_with("PATH_DEVIATION"), "{state:?}");
@@ -61,7 +64,10 @@ fn attend(line: &mut Line, random: &mut Random) {
                     line.begin(Command::SetOverrides(wanted));
                 }
                 // Some boards do so a few times a night.
-                4 => line.controller.device_mut().controller_mut().tear_report(),
+                4 if line.now >= torn_at + BETWEEN_TORN => {
+                    line.controller.device_mut().controller_mut().tear_report();
+                    torn_at = line.now;
+                }
                 3 => {
                     is_single = !is_single;
                     line.ask(Command::SetSingleBlock(is_single)).expect("single block");
@@ -159,7 +165,7 @@ fn nothing_is_held_where_nothing_is_wrong() {
         }
     }
     assert!(hours > 1.0, "{hours:.2} h are too few for a statement");
-    assert!(torn > 50, "{torn} torn reports are too few");
+    assert!(torn > 20, "{torn} torn reports are too few");
 }
 
 /// `KERF_WATCH_HOURS=1000 cargo test -p kerf_tests --test path_watch -- --ignored sound`
