@@ -139,7 +139,7 @@ pub(crate) fn declared() -> Vec<Declared> {
         .integer_within(100, 600_000),
         Declared::new(
             "on_path_deviation",
-            "log",
+            "hold",
             "what to do when a report shows the tool where no line that was sent can have taken \
              it, or other words in force than were sent: hold, log or off; log or off where \
              kinematics are neither Cartesian nor CoreXY",

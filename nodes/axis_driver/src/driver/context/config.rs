@@ -98,7 +98,7 @@ impl Default for DriverConfig {
             rate_margin: rate_margin(),
             on_ros_loss: OnRosLoss::default(),
             ros_loss_timeout_ms: ros_loss_timeout_ms(),
-            on_path_deviation: OnPathDeviation::Log,
+            on_path_deviation: OnPathDeviation::Hold,
         }
     }
 }
