@@ -297,15 +297,15 @@ fn check_mode_reads_every_line_moves_nothing_and_ends_in_a_reset() {
 #[test]
 fn an_answer_too_many_or_too_few_is_never_a_success() {
     for firmware in Firmware::ALL {
-        for answer in 6..66 {
+        for answer in 7..67 {
             for fault in ["extra-ok", "lose-ok"] {
                 let fault = format!("{fault}@line={answer}");
                 let mut line = Line::new(DriverConfig::default(), build(firmware), &[&fault]);
                 line.until("a place", |line| line.state().work_position.is_some());
                 line.start(straight(50, 2.0), 0);
                 let result = line.result();
-                // The last answers are those of the preamble, fifty lines and the dwell.
-                let is_of_the_run = line.written.len() > 10 && answer < 5 + 1 + 50 + 1;
+                // The last answers are those of the offsets, the preamble, fifty lines and the dwell.
+                let is_of_the_run = line.written.len() > 10 && answer < 5 + 2 + 50 + 1;
                 if is_of_the_run {
                     assert_eq!(
                         result.error_code,

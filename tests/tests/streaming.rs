@@ -175,10 +175,10 @@ fn every_line_is_sent_once_answered_and_cut_and_the_machine_never_waits_for_us()
         let result = line.result();
         assert_eq!((result.outcome, result.last_line), (RunOutcome::Succeeded, lines));
         let after = line.controller.device().controller().counts();
-        // With the preamble and the dwell at the end.
+        // With the question for the offsets, the preamble and the dwell at the end.
         let count = u64::from(lines);
-        assert_eq!(after.lines_read - before.lines_read, count + 2 + checks, "{firmware:?}");
-        assert_eq!(after.oks - before.oks, count + 2 + checks, "{firmware:?}");
+        assert_eq!(after.lines_read - before.lines_read, count + 3 + checks, "{firmware:?}");
+        assert_eq!(after.oks - before.oks, count + 3 + checks, "{firmware:?}");
         assert_eq!(after.motions_finished - before.motions_finished, count, "{firmware:?}");
         assert_eq!(
             (after.errors, after.bytes_lost, after.underruns, after.alarms),

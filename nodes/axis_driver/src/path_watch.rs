@@ -9,7 +9,8 @@
 //! It reads the lines as they were sent, not the path that they were made from, so that each
 //! is compared with what a sound line would have done. Places are in the machine frame: a
 //! wrong work offset takes the tool away from them. Progress never goes back: the tool is at
-//! the first place within the tolerance or after it, never before. Knows no ports and no time.
+//! the first place within the tolerance or after it, never before. One report alone does not
+//! say so: it may be the one that is wrong. Knows no ports and no time.
 
 mod deviation;
 mod frame;
@@ -90,6 +91,31 @@ struct After {
     blocks: usize,
 }
 
+/// Where the tool has been for sure: in this move, after this share of it.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
+struct Bound {
+    index: usize,
+    part: f64,
+}
+
+impl Bound {
+    /// The same when so many moves before it are gone.
+    fn after(self, gone: usize) -> Self {
+        match self.index.checked_sub(gone) {
+            Some(index) => Self { index, ..self },
+            None => Self::default(),
+        }
+    }
+
+    fn earlier(self, other: Self) -> Self {
+        if other < self { other } else { self }
+    }
+
+    fn later(self, other: Self) -> Self {
+        if other > self { other } else { self }
+    }
+}
+
 /// Follows what is sent, answered and reported.
 #[derive(Debug, Clone)]
 pub struct PathWatch {
@@ -97,14 +123,16 @@ pub struct PathWatch {
     sent: Sent,
     /// From the one that may be under way on; never empty.
     moves: VecDeque<SentMove>,
-    /// The share of the first of them that is done for sure.
-    part: f64,
+    /// What is done for sure where any one of the reports is wrong.
+    least: Bound,
+    /// What is done for sure where all reports are true.
+    bound: Bound,
     unanswered: VecDeque<After>,
     /// What is in force after the line that was answered last.
     parsed: After,
     lines_sent: usize,
-    /// A report has shown the work offset since it was changed.
-    is_offset_shown: bool,
+    /// The work offset that reports have shown last.
+    shown: Option<Position>,
     /// What the controller reports next is taken as it is.
     takes_offset: bool,
     speed: SpeedWatch,
@@ -121,11 +149,12 @@ impl PathWatch {
             board,
             sent,
             moves: VecDeque::new(),
-            part: 0.0,
+            least: Bound::default(),
+            bound: Bound::default(),
             unanswered: VecDeque::new(),
             parsed: After { words: WordsInForce::default(), offset, blocks: 0 },
             lines_sent: 0,
-            is_offset_shown: true,
+            shown: offset,
             takes_offset: false,
         };
         watch.stand(place);
@@ -141,7 +170,7 @@ impl PathWatch {
         let (number, feed_mm_per_min) = (self.lines_sent, None);
         self.moves.clear();
         self.moves.push_back(SentMove { way, feed_mm_per_min, culprit, blocks, number });
-        self.part = 0.0;
+        (self.least, self.bound) = Default::default();
         self.sent.place = place;
     }
 
@@ -167,17 +196,31 @@ impl PathWatch {
     /// The operator goes on after a deviation: what is under way may be anywhere, and what is
     /// in force is what the controller says. Lines that are sent from now on count again.
     pub fn forgive(&mut self) {
-        self.moves.iter_mut().for_each(|sent| sent.way = Way::Anywhere);
-        self.part = 0.0;
+        self.forget_places();
         self.forget_words();
         self.unanswered.iter_mut().for_each(|after| after.words = WordsInForce::default());
         self.takes_offset = true;
         self.speed = SpeedWatch::new(self.board.rates);
     }
 
+    fn forget_places(&mut self) {
+        self.moves.iter_mut().for_each(|sent| sent.way = Way::Anywhere);
+        (self.least, self.bound) = Default::default();
+    }
+
+    /// The offset in force is not known for sure: the one that is shown next is taken as it is,
+    /// and no place is judged before.
+    pub fn take_next_offset(&mut self) {
+        self.takes_offset = true;
+    }
+
+    /// The work offset that reports have shown before the first line.
+    pub fn has_shown(&mut self, offset: Option<Position>) {
+        self.shown = offset;
+    }
+
     /// Takes a line that is sent now.
     pub fn on_sent(&mut self, text: &str, culprit: Culprit) {
-        let before = self.sent.frame.in_force;
         let asked = self.sent.take(text);
         self.lines_sent += 1;
         let last = self.moves.back().map_or(self.parsed.blocks, |last| last.blocks);
@@ -189,9 +232,6 @@ impl PathWatch {
             self.moves.push_back(SentMove { way, feed_mm_per_min, culprit, blocks, number });
         }
         let offset = self.sent.frame.in_force;
-        if offset != before {
-            self.is_offset_shown = false;
-        }
         self.unanswered.push_back(After { words: self.sent.said, offset, blocks });
     }
 
@@ -201,7 +241,9 @@ impl PathWatch {
             self.parsed = after;
         }
         let planner = self.board.planner_blocks.map_or(PLANNER_BLOCKS_UNKNOWN, usize::from);
-        self.finish_up_to(planner);
+        let gone = self.finished(planner);
+        self.moves.drain(..gone);
+        (self.least, self.bound) = (self.least.after(gone), self.bound.after(gone));
     }
 
     /// The origin of a work system (1 to 6) as the lines have left it, without the shift of G92.
@@ -218,19 +260,27 @@ impl PathWatch {
         {
             return Some(deviation);
         }
-        let is_placed = !seen.is_by_offset || self.is_offset_shown;
-        let position = seen.position.filter(|_| is_placed)?;
-        if let Some(blocks) = seen.blocks_in_use.filter(|_| self.board.planner_blocks.is_some()) {
-            self.finish_up_to(blocks);
+        if self.takes_offset {
+            return None;
         }
-        if let Some(deviation) = self.judge_place(position) {
-            return Some(deviation);
+        let is_placed = !seen.is_by_offset || self.is_offset_shown();
+        if let Some(position) = seen.position.filter(|_| is_placed) {
+            let blocks = seen.blocks_in_use.filter(|_| self.board.planner_blocks.is_some());
+            let index = blocks.map_or(0, |blocks| self.finished(blocks));
+            if let Some(deviation) = self.judge_place(position, Bound { index, part: 0.0 }) {
+                return Some(deviation);
+            }
         }
         let feeds = self.moves.iter().map(|sent| sent.feed_mm_per_min);
         let feed = seen.feed_mm_per_min?;
         let allowed = self.speed.judge(feed, seen.feed_override, feeds)?;
-        let culprit = self.moves.front().map_or(Culprit::default(), |sent| sent.culprit);
+        let culprit = self.culprit();
         Some(Deviation::Feed { culprit, feed_mm_per_min: feed, allowed_mm_per_min: allowed })
+    }
+
+    /// The line that is under way at the earliest.
+    fn culprit(&self) -> Culprit {
+        self.moves.get(self.bound.index).map_or(Culprit::default(), |sent| sent.culprit)
     }
 
     /// All lines are answered, and the machine stands: is it where they end?
@@ -266,33 +316,35 @@ impl PathWatch {
     }
 
     fn judge_offset(&mut self, shown: Position) -> Option<Deviation> {
-        if std::mem::take(&mut self.takes_offset) {
-            // What was sent is in that frame.
-            if let Some((place, thought)) = self.sent.place.zip(self.sent.frame.in_force) {
+        self.shown = Some(shown);
+        if self.takes_offset {
+            // One of the lines that are read meanwhile may have put it in force.
+            if !self.is_offset_settled() {
+                return None;
+            }
+            self.takes_offset = false;
+            if let Some((place, thought)) = self.sent.place.zip(self.sent.frame.in_force)
+                && !self.is_same(thought, shown)
+            {
+                // What was sent is in that frame.
                 let moved = [0, 1, 2].map(|axis| place[axis] + shown[axis] - thought[axis]);
                 self.sent.place = Some(moved);
+                self.forget_places();
             }
             self.adopt(shown);
             return None;
         }
         let mut candidates = vec![self.parsed.offset];
         candidates.extend(self.unanswered.iter().map(|after| after.offset));
-        self.is_offset_shown |=
-            self.unanswered.iter().all(|after| after.offset == self.parsed.offset);
         if self.unanswered.is_empty() && self.parsed.offset.is_none() {
             self.adopt(shown);
             return None;
         }
-        let most = self.rounding_mm() + PATH_MM;
-        let is_it = |offset: &Option<Position>| match offset {
-            None => true,
-            Some(offset) => (0..3).all(|axis| (offset[axis] - shown[axis]).abs() <= most),
-        };
-        if candidates.iter().any(is_it) {
+        if candidates.iter().any(|offset| offset.is_none_or(|it| self.is_same(it, shown))) {
             return None;
         }
         let wanted = candidates.into_iter().flatten().next()?;
-        let culprit = self.moves.front().map_or(Culprit::default(), |sent| sent.culprit);
+        let culprit = self.culprit();
         Some(Deviation::Offset { culprit, shown, wanted })
     }
 
@@ -300,44 +352,75 @@ impl PathWatch {
         self.sent.frame.adopt(offset);
         self.parsed.offset = Some(offset);
         self.unanswered.iter_mut().for_each(|after| after.offset = Some(offset));
-        self.is_offset_shown = true;
     }
 
-    fn judge_place(&mut self, position: Position) -> Option<Deviation> {
+    /// No line without an answer changes the offset.
+    fn is_offset_settled(&self) -> bool {
+        self.unanswered.iter().all(|after| after.offset == self.parsed.offset)
+    }
+
+    /// The offset in force is the one that was shown.
+    fn is_offset_shown(&self) -> bool {
+        let both = self.parsed.offset.zip(self.shown);
+        self.is_offset_settled() && both.is_some_and(|(is, shown)| self.is_same(is, shown))
+    }
+
+    fn is_same(&self, one: Position, other: Position) -> bool {
+        let most = self.rounding_mm() + PATH_MM;
+        (0..3).all(|axis| (one[axis] - other[axis]).abs() <= most)
+    }
+
+    /// One report may be wrong and lie ahead on the path, where it fits; then a later sound one does
+    /// not. So the bound without any one of the reports is kept too.
+    fn judge_place(&mut self, position: Position, done: Bound) -> Option<Deviation> {
+        let without = self.find(position, self.least.later(done));
+        match (self.find(position, self.bound.later(done)), without) {
+            (Ok(found), without) => {
+                // Without this one it would be where it was.
+                self.least = without.map_or(self.bound, |least| least.earlier(self.bound));
+                self.bound = found;
+            }
+            (Err(_), Ok(without)) => self.bound = without,
+            (Err(misfit), Err(_)) => return misfit,
+        }
+        let gone = self.least.index;
+        self.moves.drain(..gone);
+        (self.least, self.bound) = (self.least.after(gone), self.bound.after(gone));
+        None
+    }
+
+    /// Where the tool is at the earliest, not before a bound; or how far it is off.
+    fn find(&self, position: Position, from: Bound) -> Result<Bound, Option<Deviation>> {
         let mut best: Option<(usize, Nearest)> = None;
-        for (index, sent) in self.moves.iter().enumerate() {
-            let from_part = if index == 0 { self.part } else { 0.0 };
+        for (index, sent) in self.moves.iter().enumerate().skip(from.index) {
+            let from_part = if index == from.index { from.part } else { 0.0 };
             let near = sent.way.nearest(position, from_part);
             let tolerance = self.tolerance_mm(&sent.way, position);
             if near.distance_mm <= tolerance {
-                // It is there at the earliest.
                 let length = sent.way.length_mm();
                 let slack = if length > 0.0 { tolerance / length } else { 1.0 };
-                let part = (near.part - slack).max(from_part);
-                self.moves.drain(..index);
-                self.part = part;
-                return None;
+                return Ok(Bound { index, part: (near.part - slack).max(from_part) });
             }
             // Of two that meet there the later one is cut.
             if best.is_none_or(|(_, least)| near.distance_mm <= least.distance_mm + SAME_MM) {
                 best = Some((index, near));
             }
         }
-        let (index, Nearest { distance_mm: off_mm, place: nearest, .. }) = best?;
-        let culprit = self.moves[index].culprit;
-        Some(Deviation::Place { culprit, at: position, nearest, off_mm })
+        let deviation = best.map(|(index, near)| {
+            let Nearest { distance_mm: off_mm, place: nearest, .. } = near;
+            let culprit = self.moves[index].culprit;
+            Deviation::Place { culprit, at: position, nearest, off_mm }
+        });
+        Err(deviation)
     }
 
-    /// Lines are done for sure when so many blocks, and those that are at the steps, were
+    /// How many lines are done for sure when so many blocks, and those that are at the steps, were
     /// answered after them.
-    fn finish_up_to(&mut self, blocks: usize) {
+    fn finished(&self, blocks: usize) -> usize {
         let held = blocks + BLOCKS_AT_THE_STEPS;
-        while self.moves.len() > 1
-            && self.moves.front().is_some_and(|it| it.blocks + held < self.parsed.blocks)
-        {
-            self.moves.pop_front();
-            self.part = 0.0;
-        }
+        let most = self.moves.len() - 1;
+        let done = |sent: &&SentMove| sent.blocks + held < self.parsed.blocks;
+        self.moves.iter().take(most).take_while(done).count()
     }
 
     /// The largest step of an axis, mm.

@@ -44,6 +44,8 @@ pub struct Counts {
     pub alarms: u64,
     /// Status reports sent.
     pub reports: u64,
+    /// Those that were torn on purpose.
+    pub torn_reports: u64,
     /// The controller's own time.
     pub machine_time: Duration,
 }

@@ -2,8 +2,8 @@
 //! longer than a report interval without a hold.
 
 use crate::certified::Certified;
-use crate::parts::{Random, START, random_part, router};
-use axis_driver::driver::{Command, DriverConfig, RunOutcome};
+use crate::parts::{Random, START, holding, random_part, router};
+use axis_driver::driver::{Command, RunOutcome};
 use cnc_msgs::machine::Mode;
 use kerf_tests::line::Line;
 use std::time::Duration;
@@ -71,7 +71,7 @@ fn spoil(bytes: &[u8], random: &mut Random) -> Option<Vec<u8>> {
 /// Damages so many lines, one after the other, on one machine.
 fn damage(firmware: Firmware, seed: u64, damages: u64, tally: &mut Tally) {
     let mut random = Random(seed);
-    let mut line = router(firmware, &[], DriverConfig::default());
+    let mut line = router(firmware, &[], holding());
     line.forget_written();
     let last = tally.damages + damages;
     let mut run = 0;
@@ -178,7 +178,7 @@ fn settle(line: &mut Line, firmware: Firmware) {
         line.replies.clear();
         return;
     }
-    *line = router(firmware, &[], DriverConfig::default());
+    *line = router(firmware, &[], holding());
     line.forget_written();
 }
 

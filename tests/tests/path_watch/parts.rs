@@ -1,6 +1,6 @@
 //! Machines and parts that the tests cut, and the numbers that they are drawn from.
 
-use axis_driver::driver::{Command, DriverConfig, OffsetRequest};
+use axis_driver::driver::{Command, DriverConfig, OffsetRequest, OnPathDeviation};
 use cnc_msgs::contour::{Action, Source, SpindleMode};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::machine::Mode;
@@ -35,6 +35,11 @@ impl Random {
     pub(crate) fn of<T: Copy>(&mut self, choices: &[T]) -> T {
         choices[self.below(choices.len() as u64) as usize]
     }
+}
+
+/// A driver that holds at a deviation.
+pub(crate) fn holding() -> DriverConfig {
+    DriverConfig { on_path_deviation: OnPathDeviation::Hold, ..DriverConfig::default() }
 }
 
 /// A router with this firmware and these settings, idle, with its work zero where it stands.

@@ -37,6 +37,8 @@ pub(super) enum Origin {
     Home,
     /// Switches the controller's check mode on.
     CheckMode,
+    /// Asks for the offsets before a run.
+    Offsets,
     Preamble,
     /// From the program, with its text for messages.
     Program {

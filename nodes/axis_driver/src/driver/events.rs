@@ -10,6 +10,7 @@ use super::{Driver, Phase};
 use crate::codes::{self, error_code};
 use crate::link::{LinkEvent, LinkFault};
 use crate::report::{Message, is_lock_notice, was_a_banner};
+use std::time::Duration;
 
 /// The alarm of a target outside of the travel.
 const SOFT_LIMIT: u16 = 2;
@@ -162,7 +163,7 @@ impl Driver {
     }
 
     /// A status report has come, and is in the machine model already.
-    pub(super) fn on_status(&mut self) {
+    pub(super) fn on_status(&mut self, since: Duration) {
         let context = &mut self.context;
         match &mut self.phase {
             Phase::Connecting(connecting) => {
@@ -170,7 +171,7 @@ impl Driver {
                 self.go(next);
             }
             Phase::Running(run) => {
-                let exit = run.on_status(context);
+                let exit = run.on_status(context, since);
                 self.leave_run(exit);
             }
             Phase::Stopping(stopping) => {

@@ -67,7 +67,7 @@ impl Driver {
         }
         self.context.watch_overrides(overrides);
         self.context.watch_hold(self.phase.is_run());
-        self.on_status();
+        self.on_status(since);
     }
 
     fn judge_place(&mut self, report: &StatusReport, since: Duration) -> Belief {

@@ -8,7 +8,8 @@ const REPORT_BYTES_MAX: u64 = 100;
 const REPORT_LATENCY_MS: u64 = 40;
 /// A start, eight data and a stop bit.
 pub(super) const BITS_PER_BYTE: u64 = 10;
-/// Reports take at most this part of what the line carries: one in so many bytes.
+/// Reports take this part of what the line carries, one in so many bytes; more where the line is so
+/// slow that they would come less often than at rest.
 const REPORT_SHARE: u64 = 10;
 /// The same where they are compared with the path; they are asked for so often only while the line
 /// has little else to carry.

@@ -141,7 +141,8 @@ pub(crate) fn declared() -> Vec<Declared> {
             "on_path_deviation",
             "hold",
             "what to do when a report shows the tool where no line that was sent can have taken \
-             it, or other words in force than were sent: hold, log or off",
+             it, or other words in force than were sent: hold, log or off; log or off where \
+             kinematics are neither Cartesian nor CoreXY",
         )
         .one_of(&OnPathDeviation::WORDS.map(|(word, _)| word)),
         Declared::new(

@@ -25,6 +25,11 @@ impl Frame {
         Self { in_force: None, ..self }
     }
 
+    /// The same with nothing in force.
+    pub fn only_stored(self) -> Self {
+        Self { in_force: None, system: None, tool_length_mm: None, ..self }
+    }
+
     /// The offset in force is that of the system in force: reports know it better than a list
     /// that was asked for long ago.
     pub(super) fn settle(&mut self) {

@@ -54,7 +54,14 @@ fn the_tool_is_on_what_was_sent_and_never_goes_back() {
         let angle = f64::to_radians(180.0 - degrees);
         [20.0 + 10.0 * angle.cos(), 10.0 + 10.0 * angle.sin(), 0.0]
     };
-    for place in [[0.0; 3], [4.0, 0.0, 0.0], [10.0, 3.0, 0.0], arc(30.0), [20.0, 20.0, 2.0]] {
+    for place in [
+        [0.0; 3],
+        [4.0, 0.0, 0.0],
+        [10.0, 3.0, 0.0],
+        arc(30.0),
+        [20.0, 20.0, 2.0],
+        [20.0, 20.0, 2.5],
+    ] {
         assert_eq!(watch.judge(&at(place)), None, "{place:?}");
     }
     let mut back = watch.clone();
@@ -76,6 +83,52 @@ fn the_text_names_line_place_and_distance() {
         "at line 1 the tool is 0.500 mm off the path: at X-96.000 Y-49.500 Z-10.000 in the \
          machine frame, where X-96.000 Y-50.000 Z-10.000 is the nearest place of the path"
     );
+}
+
+#[test]
+fn one_wrong_report_that_lies_ahead_on_the_path_is_not_held_against_the_next() {
+    let mut watch = watch();
+    send(&mut watch, &["G1X40F600", "X0", "X40"]);
+    for x in [1.0, 12.0, 18.0] {
+        assert_eq!(watch.judge(&at([x, 0.0, 0.0])), None, "{x}");
+    }
+    // It shows 18 and was at 13: what follows fits the way back, and then does not any more.
+    for x in [13.0, 14.0, 15.0, 19.0, 30.0, 40.0, 30.0, 5.0] {
+        assert_eq!(watch.judge(&at([x, 0.0, 0.0])), None, "{x}");
+    }
+    // Nor is what one report says of the planner.
+    let seen = Seen { blocks_in_use: Some(0), ..at([4.0, 0.0, 0.0]) };
+    assert_eq!(watch.judge(&seen), None);
+    assert_eq!(watch.judge(&at([3.0, 0.0, 0.0])), None);
+    assert!(watch.judge(&at([3.0, 1.0, 0.0])).is_some(), "off all of them");
+    assert_eq!(watch.judge(&at([2.0, 0.0, 0.0])), None, "a misfit changes nothing");
+}
+
+#[test]
+fn after_a_resume_the_offset_is_taken_when_no_line_may_have_changed_it() {
+    let mut watch = watch();
+    let shown = |offset: Position, x: f64| Seen { work_offset: Some(offset), ..at([x, 0.0, 0.0]) };
+    let second = [-90.0, -50.0, -10.0];
+    send(&mut watch, &["G1X10F600", "G55", "X10"]);
+    watch.forgive();
+    // The first one is read still; then G55 is in force.
+    assert_eq!(watch.judge(&shown(ZERO, 3.0)), None);
+    watch.on_answer();
+    watch.on_answer();
+    assert_eq!(watch.judge(&shown(second, 12.0)), None);
+    assert_eq!(watch.judge(&shown(second, 14.0)), None);
+    assert!(watch.judge(&shown(ZERO, 14.0)).is_some());
+}
+
+#[test]
+fn the_feed_is_judged_where_the_place_is_not_known() {
+    let mut watch = watch();
+    watch.has_shown(None);
+    send(&mut watch, &["G1X100F600"]);
+    let fast = Seen { is_by_offset: true, feed_mm_per_min: Some(12_000.0), ..at([1.0, 7.0, 0.0]) };
+    assert_eq!(watch.judge(&fast), None);
+    assert_eq!(watch.judge(&fast), None);
+    assert!(matches!(watch.judge(&fast), Some(Deviation::Feed { .. })));
 }
 
 #[test]
@@ -204,7 +257,8 @@ fn after_a_resume_what_is_under_way_may_be_anywhere_and_what_follows_may_not() {
     assert_eq!(watch.judge(&at([5.0, 2.5, 0.0])), None);
     assert_eq!(watch.judge_end(at([10.0, 5.0, 0.0]).position), None);
     send(&mut watch, &["X20Y5"]);
-    assert_eq!(watch.judge(&at([15.0, 5.0, 0.0])), None);
+    let shown = Seen { work_offset: Some(ZERO), ..at([15.0, 5.0, 0.0]) };
+    assert_eq!(watch.judge(&shown), None);
     assert!(watch.judge(&at([15.0, 6.0, 0.0])).is_some());
 }
 

@@ -156,6 +156,8 @@ pub struct Controller {
     reported_parser_state: String,
     /// `?` came while homing, or when there was no room for the report.
     has_pending_report: bool,
+    /// The next report of moving axes is torn.
+    is_torn: bool,
     /// `!` came while homing.
     has_pending_hold: bool,
     /// The interval of automatic reports, as it was at power-up, and when the next one is due.
@@ -224,6 +226,7 @@ impl Controller {
             cadence: Cadence::new(traits),
             reported_parser_state: String::new(),
             has_pending_report: false,
+            is_torn: false,
             has_pending_hold: false,
             report_interval: None,
             report_due: None,
@@ -341,6 +344,12 @@ impl Controller {
     /// Received bytes lost to a full receive buffer since power-up.
     pub fn overrun_bytes(&self) -> u64 {
         self.receive_buffer.overrun_bytes
+    }
+
+    /// Tears the next report of moving axes: grbl on 8 bit boards copies its counters while steps
+    /// are counted, so that one may be 256 steps ahead.
+    pub fn tear_report(&mut self) {
+        self.is_torn = true;
     }
 
     /// Holds the limit switch of an axis closed, or releases it.

@@ -79,6 +79,9 @@ pub(in crate::driver) struct Machine {
     /// What the last report had in it.
     #[serde(skip)]
     pub(in crate::driver) shown: Shown,
+    /// The kinematics that the firmware has named when it started.
+    #[serde(skip)]
+    pub(in crate::driver) kinematics: Option<String>,
 }
 
 /// What a report itself shows, not what was worked out or remembered.
@@ -202,6 +205,11 @@ impl Machine {
                     self.accessories = Some(Accessories { spindle, flood, mist });
                 }
                 self.work_system = words.work_system;
+            }
+            Message::Text(text) => {
+                let named = text.split_once("Kinematic system: ");
+                let name = named.map(|(_, name)| name.trim().to_owned());
+                self.kinematics = name.or(self.kinematics.take());
             }
             Message::ToolLength(length) => {
                 self.has_tool_length = Some(length.abs() > 1e-9);

@@ -9,16 +9,18 @@ impl Machine {
     /// Takes the work offset from the stored ones if reports have not shown it yet: at least
     /// every thirtieth does, and with some settings none.
     pub(in crate::driver) fn work_out_offset(&mut self) {
+        self.work_offset = self.work_offset.or(self.stored_offset());
+    }
+
+    /// What the stored offsets of the work system in force add up to.
+    pub(in crate::driver) fn stored_offset(&self) -> Option<Position> {
         let stored = |name: &str| {
             self.offsets.iter().find(|offset| offset.name == name).map(|offset| offset.position)
         };
-        let system = self.work_system.filter(|system| (1..=6).contains(system));
-        let Some(zero) = system.and_then(|system| stored(&format!("G{}", 53 + system))) else {
-            return;
-        };
+        let system = self.work_system.filter(|system| (1..=6).contains(system))?;
+        let zero = stored(&format!("G{}", 53 + system))?;
         let shifts = ["G92", "TLO"].map(|name| stored(name).unwrap_or_default());
-        let sum = [0, 1, 2].map(|axis| zero[axis] + shifts[0][axis] + shifts[1][axis]);
-        self.work_offset.get_or_insert(sum);
+        Some([0, 1, 2].map(|axis| zero[axis] + shifts[0][axis] + shifts[1][axis]))
     }
 
     /// Takes a work offset out of the report of a machine at rest that is neither the one in

@@ -27,9 +27,13 @@ impl OnPathDeviation {
         [("hold", Self::Hold), ("log", Self::Log), ("off", Self::Off)];
 }
 
+/// Offsets nearer to each other than this are the same, mm: rounding, of inches too.
+const SAME_MM: f64 = 0.006;
+
 impl Machine {
-    /// A watch of a run that begins now, with the machine at rest.
-    pub(in crate::driver) fn path_watch(&self, units: ReportUnits) -> PathWatch {
+    /// A watch of a run that begins now, with the machine at rest. Where the offsets are fresh,
+    /// the first line says which of them are in force.
+    pub(in crate::driver) fn path_watch(&self, units: ReportUnits, is_fresh: bool) -> PathWatch {
         let setting = |number: u16| self.settings.get(&number).copied();
         let board = Board {
             planner_blocks: self.reported_planner_blocks(),
@@ -39,7 +43,27 @@ impl Machine {
             rates: Rates(self.fastest_mm_per_min()),
             speeds: [setting(31).unwrap_or(0.0), setting(30).unwrap_or(f64::INFINITY)],
         };
-        PathWatch::new(board, self.frame(), self.machine_position())
+        let frame = self.frame();
+        let frame = if is_fresh { frame.only_stored() } else { frame };
+        // A work position is one in the machine frame only with the offset in force.
+        let is_placed = self.shown.has_machine_position || self.is_offset_in_force();
+        let mut watch = PathWatch::new(board, frame, self.machine_position().filter(|_| is_placed));
+        watch.has_shown(self.work_offset);
+        watch
+    }
+
+    /// Whether the work offset that reports have shown is the stored one of the work system.
+    fn is_offset_in_force(&self) -> bool {
+        let both = self.stored_offset().zip(self.work_offset);
+        both.is_some_and(|(is, shown)| (0..3).all(|axis| (is[axis] - shown[axis]).abs() < SAME_MM))
+    }
+
+    /// Kinematics whose motors go between two places on another way than a straight line.
+    pub(in crate::driver) fn other_kinematics(&self) -> Option<&str> {
+        const STRAIGHT: [&str; 3] = ["cartesian", "corexy", "midtbot"];
+        let name = self.kinematics.as_deref()?;
+        let is_straight = STRAIGHT.iter().any(|known| known.eq_ignore_ascii_case(name));
+        (!is_straight).then_some(name)
     }
 
     /// The offsets as they are known now.
@@ -58,7 +82,10 @@ impl Machine {
             references: ["G28", "G30"].map(stored),
             in_force: self.work_offset,
             system: self.work_system,
-            tool_length_mm: (self.has_tool_length == Some(false)).then_some(0.0),
+            tool_length_mm: self.has_tool_length.and_then(|has_one| match has_one {
+                true => stored("TLO").map(|length| length[2]),
+                false => Some(0.0),
+            }),
         }
     }
 }

@@ -8,6 +8,7 @@ use super::{ProgramRun, Stage, Then};
 use crate::codes::{self, error_code};
 use crate::driver::context::config::{ANSWER, RECORDER, SETTLED, WORK_POSITION};
 use crate::driver::context::place::PlaceWatch;
+use crate::driver::context::queries::OFFSETS_QUERY;
 use crate::driver::context::{Context, Origin};
 use crate::driver::next::Next;
 use crate::driver::output::{LogLevel, Output};
@@ -80,7 +81,7 @@ impl ProgramRun {
         } else if context.config.require_recording && self.job.request.is_recorded() {
             self.stage = Stage::AwaitingRecorder { until: context.now + RECORDER };
         } else {
-            self.send_preamble(context);
+            self.ask_offsets(context);
         }
         context.reply(self.job.id, Ok(format!("{lines} lines, about {seconds:.0} s")));
         let time_left_s = seconds / context.machine.feed_override();
@@ -88,6 +89,16 @@ impl ProgramRun {
             context.outputs.push_back(Output::Progress { line: 0, fraction: 0.0, time_left_s });
         }
         None
+    }
+
+    /// Where places are compared, asks for the offsets before the first line: what the driver has
+    /// may be old, since a pendant or another program sets them too.
+    fn ask_offsets(&mut self, context: &mut Context) {
+        if !self.is_watched(context) || self.job.is_in_tool_change {
+            return self.send_preamble(context);
+        }
+        self.stage = Stage::Preparing { until: context.now + ANSWER };
+        context.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::Offsets);
     }
 
     /// Sends the first words of a run.
@@ -114,7 +125,7 @@ impl ProgramRun {
         reason: &str,
     ) -> Option<Exit> {
         match self.stage {
-            Stage::AwaitingRecorder { .. } if is_whole => self.send_preamble(context),
+            Stage::AwaitingRecorder { .. } if is_whole => self.ask_offsets(context),
             Stage::AwaitingRecorder { .. } => return Some(refuse_unrecorded(reason)),
             _ if !is_whole && self.job.request.is_recorded() => {
                 if let Some(reason) = miss_record(context, reason)
@@ -138,6 +149,11 @@ impl ProgramRun {
         self.empty_buffers = None;
         if context.link.unanswered() == 0 {
             self.is_alone = false;
+        }
+        if matches!(origin, Origin::Offsets) {
+            self.has_asked_offsets(error.is_none());
+            self.send_preamble(context);
+            return None;
         }
         if let Some(code) = error {
             let text = codes::describe_error(context.machine.firmware, code);
@@ -198,8 +214,13 @@ impl ProgramRun {
         None
     }
 
-    /// Takes a status report, which is in the machine model already.
-    pub(in crate::driver) fn on_status(&mut self, context: &mut Context) -> Option<Exit> {
+    /// Takes a status report, which is in the machine model already; the machine was looked at for
+    /// it since `since`.
+    pub(in crate::driver) fn on_status(
+        &mut self,
+        context: &mut Context,
+        since: Duration,
+    ) -> Option<Exit> {
         let is_check = context.machine.is_state(&ControllerState::Check);
         let is_idle = is_check || context.machine.is_state(&ControllerState::Idle);
         self.job.track(context);
@@ -230,7 +251,7 @@ impl ProgramRun {
             }
             Stage::Settling { then, from } if is_idle && context.now >= *from => {
                 let then = then.clone();
-                match self.watch_end(context, &then) {
+                match self.watch_end(context, &then, since) {
                     EndOfLines::There => {}
                     EndOfLines::Waits => return None,
                     EndOfLines::Over(exit) => return Some(exit),
@@ -244,7 +265,7 @@ impl ProgramRun {
             }
             _ => {}
         }
-        self.watch_report(context);
+        self.watch_report(context, since);
         self.report_progress(context);
         None
     }

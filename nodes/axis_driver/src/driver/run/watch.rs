@@ -9,6 +9,7 @@ use crate::driver::context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
 use crate::driver::output::LogLevel;
 use crate::path_watch::{Culprit, Deviation, PathWatch, Seen};
 use crate::report::ControllerState;
+use std::time::Duration;
 
 /// The path watch of one run.
 #[derive(Debug, Default)]
@@ -17,15 +18,57 @@ pub(super) struct RunWatch {
     watch: Option<Box<PathWatch>>,
     /// Something did not fit, and nobody has resumed since.
     is_deviated: bool,
+    /// The newest report did not fit; another one was asked for.
+    doubt: Option<Doubt>,
+    /// The controller has told its offsets just before the first line.
+    has_fresh_offsets: bool,
 }
 
+/// A report that may be wrong itself: a byte of it was damaged, or the firmware has read its
+/// counters while they changed.
+#[derive(Debug, Clone, Copy)]
+struct Doubt {
+    at: Duration,
+    /// Reports with no work offset do not tell.
+    is_of_offset: bool,
+    reports: u32,
+}
+
+/// Reports that do not fit, where none is known to be the answer to the request after the first.
+const MISFITS_MAX: u32 = 3;
+/// Time to the next request where the work offset is in doubt, which not every report has.
+const PAUSE: Duration = Duration::from_millis(10);
+
 impl ProgramRun {
+    /// Whether the reports of this run are compared with its lines.
+    pub(super) fn is_watched(&self, context: &Context) -> bool {
+        context.config.on_path_deviation != OnPathDeviation::Off && !self.job.is_check()
+    }
+
+    /// The controller was asked for its offsets, and has told them or not.
+    pub(super) fn has_asked_offsets(&mut self, has_told: bool) {
+        self.watch.has_fresh_offsets = has_told;
+    }
+
     /// The first line is about to be sent; the machine stands.
-    pub(super) fn begin_watch(&mut self, context: &Context) {
-        let is_wanted = context.config.on_path_deviation != OnPathDeviation::Off;
-        if is_wanted && !self.job.is_check() {
-            self.watch.watch = Some(Box::new(context.machine.path_watch(context.link.units())));
+    pub(super) fn begin_watch(&mut self, context: &mut Context) {
+        if !self.is_watched(context) {
+            return;
         }
+        let is_hold = context.config.on_path_deviation == OnPathDeviation::Hold;
+        if let Some(name) = context.machine.other_kinematics().filter(|_| is_hold) {
+            let text = format!(
+                "with {name} kinematics the tool is off the straight lines that were sent: \
+                 on_path_deviation is log in this run"
+            );
+            context.log(LogLevel::Warn, text);
+        }
+        let units = context.link.units();
+        let mut watch = context.machine.path_watch(units, self.watch.has_fresh_offsets);
+        if !self.watch.has_fresh_offsets {
+            watch.take_next_offset();
+        }
+        self.watch.watch = Some(Box::new(watch));
     }
 
     /// A line of the run is sent now.
@@ -50,8 +93,9 @@ impl ProgramRun {
         }
     }
 
-    /// Judges a report, which is in the machine model already.
-    pub(super) fn watch_report(&mut self, context: &mut Context) {
+    /// Judges a report, which is in the machine model already; the machine was looked at for it
+    /// since `since`.
+    pub(super) fn watch_report(&mut self, context: &mut Context, since: Duration) {
         let is_judged = match &self.stage {
             Stage::Streaming => true,
             Stage::Draining(then) | Stage::Settling { then, .. } => {
@@ -71,7 +115,9 @@ impl ProgramRun {
                     | ControllerState::Jog
             )
         );
-        let RunWatch { watch: Some(watch), is_deviated: false } = &mut self.watch else { return };
+        let RunWatch { watch: Some(watch), is_deviated: false, doubt, .. } = &mut self.watch else {
+            return;
+        };
         if !is_judged || !is_on_path {
             return;
         }
@@ -83,14 +129,21 @@ impl ProgramRun {
             feed_override: machine.feed_override(),
             blocks_in_use: machine.blocks_in_use(),
         };
-        if let Some(deviation) = watch.judge(&seen) {
-            self.on_deviation(context, &deviation);
+        match watch.judge(&seen) {
+            Some(deviation) if Doubt::is_over(doubt, context, since, &deviation) => {
+                self.on_deviation(context, &deviation);
+            }
+            Some(_) => {}
+            None if doubt.is_some_and(|it| it.is_of_offset) && seen.work_offset.is_none() => {
+                context.link.ask_status(context.now + PAUSE);
+            }
+            None => *doubt = None,
         }
     }
 
     /// Judges the words in force, which come among the answers.
     pub(in crate::driver) fn watch_words(&mut self, context: &mut Context, words: &str) {
-        let RunWatch { watch: Some(watch), is_deviated: false } = &self.watch else { return };
+        let RunWatch { watch: Some(watch), is_deviated: false, .. } = &self.watch else { return };
         if !matches!(self.stage, Stage::Streaming | Stage::Draining(_)) {
             return;
         }
@@ -100,7 +153,12 @@ impl ProgramRun {
     }
 
     /// All lines are answered and the machine stands: is it where they end?
-    pub(super) fn watch_end(&mut self, context: &mut Context, then: &Then) -> EndOfLines {
+    pub(super) fn watch_end(
+        &mut self,
+        context: &mut Context,
+        then: &Then,
+        since: Duration,
+    ) -> EndOfLines {
         if self.watch.is_deviated {
             return EndOfLines::Waits;
         }
@@ -112,14 +170,19 @@ impl ProgramRun {
             }
             return EndOfLines::There;
         }
-        let Some(watch) = &mut self.watch.watch else { return EndOfLines::There };
+        let RunWatch { watch: Some(watch), doubt, .. } = &mut self.watch else {
+            return EndOfLines::There;
+        };
         let Some(deviation) = watch.judge_end(at) else {
             if matches!(then, Then::Home { .. }) {
                 watch.forget_words();
             }
             return EndOfLines::There;
         };
-        if matches!(then, Then::End) && context.config.on_path_deviation == OnPathDeviation::Hold {
+        if !Doubt::is_over(doubt, context, since, &deviation) {
+            return EndOfLines::Waits;
+        }
+        if matches!(then, Then::End) && policy(context) == OnPathDeviation::Hold {
             let text = format!("{PATH_DEVIATION}: {deviation}");
             context.log(LogLevel::Error, text.clone());
             self.job.blamed_line = deviation.culprit().source_line;
@@ -142,6 +205,7 @@ impl ProgramRun {
 
     /// The operator goes on.
     pub(super) fn forgive_deviation(&mut self) {
+        self.watch.doubt = None;
         if std::mem::take(&mut self.watch.is_deviated)
             && let Some(watch) = &mut self.watch.watch
         {
@@ -151,7 +215,7 @@ impl ProgramRun {
 
     fn on_deviation(&mut self, context: &mut Context, deviation: &Deviation) {
         let text = format!("{PATH_DEVIATION}: {deviation}");
-        match context.config.on_path_deviation {
+        match policy(context) {
             OnPathDeviation::Off => {}
             OnPathDeviation::Log => {
                 context.log(LogLevel::Warn, text);
@@ -165,6 +229,44 @@ impl ProgramRun {
                 self.hold_for(context, format!("{text}; cancel, or resume to go on all the same"));
             }
         }
+    }
+}
+
+/// What is done about a deviation on this board.
+fn policy(context: &Context) -> OnPathDeviation {
+    match context.config.on_path_deviation {
+        OnPathDeviation::Hold if context.machine.other_kinematics().is_some() => {
+            OnPathDeviation::Log
+        }
+        wanted => wanted,
+    }
+}
+
+impl Doubt {
+    /// Takes a report that does not fit. True where it is not the first, and an answer to what
+    /// was asked after the first; else the next one is asked for at once.
+    fn is_over(
+        doubt: &mut Option<Self>,
+        context: &mut Context,
+        since: Duration,
+        deviation: &Deviation,
+    ) -> bool {
+        // It has counted its reports already.
+        if matches!(deviation, Deviation::Feed { .. }) {
+            return true;
+        }
+        let is_of_offset = matches!(deviation, Deviation::Offset { .. });
+        let first = doubt.get_or_insert(Self { at: context.now, is_of_offset, reports: 0 });
+        first.reports += 1;
+        first.is_of_offset &= is_of_offset;
+        let is_later = first.reports > 1 && since >= first.at;
+        if is_later || first.reports >= MISFITS_MAX {
+            *doubt = None;
+            return true;
+        }
+        let pause = if is_of_offset { PAUSE } else { Duration::ZERO };
+        context.link.ask_status(context.now + pause);
+        false
     }
 }
 

@@ -69,9 +69,10 @@ impl Controller {
         let machine = self.position();
         let offset = self.parser.work_offset(&self.memory.systems);
         let mut text = format!("<{}", self.state_name(fields, everything));
+        let read = self.read_counters(machine);
         text += &match fields.machine_position {
-            true => format!("|MPos:{}", self.vector(machine)),
-            false => format!("|WPos:{}", self.vector(subtract(machine, offset))),
+            true => format!("|MPos:{}", self.vector(read)),
+            false => format!("|WPos:{}", self.vector(subtract(read, offset))),
         };
         if fields.buffers {
             let free = match self.traits().reads_ahead {
@@ -102,6 +103,21 @@ impl Controller {
         self.counts.reports += 1;
         self.line_out(&format!("{text}>"));
         self.report_changed_parser_state(fields);
+    }
+
+    /// What a report reads of the position, which may be torn.
+    fn read_counters(&mut self, machine: Vector) -> Vector {
+        /// One more in the second byte of a counter.
+        const TORN_STEPS: f64 = 256.0;
+        let ahead = self.planner.way_to_go();
+        let Some(axis) = (0..AXES).filter(|_| self.is_torn).find(|axis| ahead[*axis] != 0.0) else {
+            return machine;
+        };
+        self.is_torn = false;
+        self.counts.torn_reports += 1;
+        let mut read = machine;
+        read[axis] += ahead[axis].signum() * TORN_STEPS / self.memory.settings.steps_per_mm()[axis];
+        read
     }
 
     /// The fields that not every report has.
