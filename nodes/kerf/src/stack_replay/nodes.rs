@@ -47,6 +47,12 @@ pub(super) const NODES: [&str; 4] =
 /// A parameter that the node does not know any more has no effect there.
 pub(super) fn parameter_file(node: &str, recorded: Option<&NodeParameters>) -> String {
     let mut text = format!("/**/{node}:\n  ros__parameters:\n    use_sim_time: false\n");
+    let is_recorded =
+        |name: &str| recorded.iter().flat_map(|it| &it.parameters).any(|row| row.name == name);
+    // A driver of before watched no path, and asked nothing for it.
+    if node == "axis_driver" && !is_recorded("on_path_deviation") {
+        text.push_str("    on_path_deviation: \"off\"\n");
+    }
     for row in recorded.iter().flat_map(|it| &it.parameters) {
         if OWN.contains(&row.name.as_str()) || node == "run_recorder" {
             continue;
