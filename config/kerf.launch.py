@@ -73,6 +73,10 @@ def start(context):
             # No ROS node: it takes no arguments of ROS.
             cmd=[ExecutableInPackage(package='kerf', executable='kerf'), 'node',
                  'virtual_controller', '--link', link, '--time-factor', given['time_factor']]))
+        factor = float(given['time_factor'])
+        if factor > 1:
+            # The axes are faster than their settings say, by the time factor.
+            own['axis_driver']['rate_margin'] = 5.0 * factor
     if given['port']:
         own['axis_driver']['port'] = given['port']
     for name in NODES:

@@ -148,3 +148,39 @@ pub struct Arc {
     /// Whole extra revolutions; a full circle has start = end and 1.
     pub turns: u16,
 }
+
+impl Arc {
+    /// How far the arc reaches out where it passes a quadrant: axis and coordinate, mm.
+    pub fn outermost(
+        &self,
+        start: Position,
+        end: Position,
+    ) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let [first, second, _] = self.plane.axes();
+        let from = [start[first] - self.center[first], start[second] - self.center[second]];
+        let to = [end[first] - self.center[first], end[second] - self.center[second]];
+        let radius = from[0].hypot(from[1]).max(to[0].hypot(to[1]));
+        let (from, to) = if self.clockwise { (to, from) } else { (from, to) };
+        let (is_round, center) = (self.turns > 0, self.center);
+        let quadrants = [
+            (first, [1.0, 0.0]),
+            (first, [-1.0, 0.0]),
+            (second, [0.0, 1.0]),
+            (second, [0.0, -1.0]),
+        ];
+        quadrants
+            .into_iter()
+            .filter(move |(_, unit)| is_round || is_between(from, *unit, to))
+            .map(move |(axis, unit)| (axis, center[axis] + radius * (unit[0] + unit[1])))
+    }
+}
+
+/// Whether an arc from `from` to `to`, counter-clockwise, passes `direction`.
+fn is_between(from: [f64; 2], direction: [f64; 2], to: [f64; 2]) -> bool {
+    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    if cross(from, to) >= 0.0 {
+        cross(from, direction) >= 0.0 && cross(direction, to) >= 0.0
+    } else {
+        !(cross(to, direction) > 0.0 && cross(direction, from) > 0.0)
+    }
+}

@@ -57,7 +57,12 @@ def test_a_virtual_controller_takes_no_arguments_of_ros():
     assert controller[1:3] == ['node', 'virtual_controller'] and '--ros-args' not in controller
     assert len(nodes) == len(NODES)
     link = controller[controller.index('--link') + 1]
-    assert link in open(nodes[2][-1]).read()
+    own = open(nodes[2][-1]).read()
+    assert link in own
+    # Else the driver takes the speed of its axes for a jump.
+    assert 'rate_margin: 50.0' in own
+    slow = commands(virtual_controller='true')[3]
+    assert 'rate_margin' not in open(slow[-1]).read()
 
 
 def test_folders_are_those_of_the_loader_and_count_more_than_the_file(tmp_path):

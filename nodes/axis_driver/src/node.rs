@@ -25,6 +25,7 @@ mod waiting;
 pub use crate::journal::kind_from_wire;
 pub use parameters::driver_config;
 pub(crate) use parameters::{declared, serial_config};
+pub use viewers::settings_to_wire;
 
 use crate::driver::{
     COMMANDER_LOST, ControllerSettings, LogLevel, Output, PATH_DEVIATION, ROS_LOST, Refusal,
@@ -35,6 +36,7 @@ use crate::serial::Event;
 use cnc_msgs::machine::{MachineState, Mode};
 use cnc_msgs::wire::cnc_msgs::msg::RunResult as RunResultMessage;
 use cnc_msgs::wire::cnc_msgs::srv::{GetProgramChunks, GetTraffic};
+use cnc_msgs::wire::rcl_interfaces::msg::Parameter;
 use motion_link::{Before, FromMotion, MotionLink};
 use path::{Answers, Paths, Planned};
 use runtime::commands::CommandLog;
@@ -82,6 +84,12 @@ pub fn main(program: &[&str], args: Vec<String>) -> ExitCode {
 /// The node's parameters.
 pub fn parameters() -> Vec<runtime::Declared> {
     parameters::declared()
+}
+
+/// The parameters of a driver that was started without any, as it publishes them.
+pub fn default_parameters() -> Vec<Parameter> {
+    let declared = parameters::declared();
+    declared.iter().map(|row| runtime::parameter_to_wire(row, &row.default)).collect()
 }
 
 async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {

@@ -217,7 +217,7 @@ fn own_name() -> Result<String, FleetError> {
         FleetError::NotDone(format!("this program is not found: {why}; use --build NAME"))
     })?;
     let content = std::fs::read(&program).map_err(|why| FleetError::file(&program, why))?;
-    build_name(option_env!("KERF_COMMIT"), &key_of(&content)).map_err(FleetError::Usage)
+    build_name(run_recorder::COMMIT, &key_of(&content)).map_err(FleetError::Usage)
 }
 
 fn run_report(args: &ReportArgs) -> Result<ExitCode, FleetError> {

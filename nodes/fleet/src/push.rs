@@ -39,7 +39,7 @@ pub struct Done {
     pub sent: usize,
     /// Bags that were in the store.
     pub known: usize,
-    /// Bags that are no use; each was named.
+    /// Bags that were refused; each was named with the reason.
     pub refused: usize,
     /// Bags that wait in the spool.
     pub waiting: usize,
@@ -253,7 +253,7 @@ fn is_whole(
     }
 }
 
-/// Reads a bag; the error says why it is of no use and what helps.
+/// Reads a bag; the error says why it is refused, and what to do.
 fn prepare(item: &Item) -> Result<Prepared, String> {
     let file = file_of(&item.path)?;
     let content = intake::file::read(&file, BAG_BYTES_MAX).map_err(|why| why.to_string())?;

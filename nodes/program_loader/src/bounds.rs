@@ -35,20 +35,11 @@ impl Bounds {
     /// Extends the box by an arc: its start and the outermost points that it passes.
     pub(crate) fn add_arc(&mut self, start: Position, end: Position, arc: &Arc) {
         let [first, second, _] = arc.plane.axes();
-        let from = [start[first] - arc.center[first], start[second] - arc.center[second]];
-        let to = [end[first] - arc.center[first], end[second] - arc.center[second]];
-        let radius = from[0].hypot(from[1]).max(to[0].hypot(to[1]));
-        let (from, to) = if arc.clockwise { (to, from) } else { (from, to) };
-        for (axis, at, unit) in [
-            (first, start[first], [1.0, 0.0]),
-            (first, start[first], [-1.0, 0.0]),
-            (second, start[second], [0.0, 1.0]),
-            (second, start[second], [0.0, -1.0]),
-        ] {
-            self.add(axis, at);
-            if arc.turns > 0 || is_between(from, unit, to) {
-                self.add(axis, arc.center[axis] + radius * (unit[0] + unit[1]));
-            }
+        for axis in [first, second] {
+            self.add(axis, start[axis]);
+        }
+        for (axis, value) in arc.outermost(start, end) {
+            self.add(axis, value);
         }
         self.axes = self.axes.with(first).with(second);
     }
@@ -57,16 +48,6 @@ impl Bounds {
     fn add(&mut self, axis: usize, value: f64) {
         self.min[axis] = self.min[axis].min(value);
         self.max[axis] = self.max[axis].max(value);
-    }
-}
-
-/// Whether an arc from `from` to `to`, counter-clockwise, passes `direction`.
-fn is_between(from: [f64; 2], direction: [f64; 2], to: [f64; 2]) -> bool {
-    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-    if cross(from, to) >= 0.0 {
-        cross(from, direction) >= 0.0 && cross(direction, to) >= 0.0
-    } else {
-        !(cross(to, direction) > 0.0 && cross(direction, from) > 0.0)
     }
 }
 

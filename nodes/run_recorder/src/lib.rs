@@ -42,3 +42,6 @@ mod verify;
 mod write_queue;
 #[cfg(feature = "std-fs")]
 mod write_thread;
+
+/// The commit of this build, in release builds from a checkout; see `build.rs`.
+pub const COMMIT: Option<&str> = option_env!("KERF_COMMIT");

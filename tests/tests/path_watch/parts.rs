@@ -177,3 +177,8 @@ pub(crate) fn random_part(random: &mut Random, elements: usize) -> CompensatedPa
     }
     part.path
 }
+
+/// How much of something is wanted: a number in the environment, or the usual one.
+pub(crate) fn number(name: &str, usual: f64) -> f64 {
+    std::env::var(name).map_or(usual, |text| text.parse().expect("a number"))
+}

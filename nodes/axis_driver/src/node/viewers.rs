@@ -5,6 +5,7 @@ use crate::driver::ControllerSettings;
 use cnc_msgs::convert::machine_state_to_wire;
 use cnc_msgs::machine::MachineState;
 use cnc_msgs::units::{m_from_mm, point_from_position};
+use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg::{
     ControllerSetting, ControllerSettings as ControllerSettingsMessage,
     MachineState as MachineStateMessage, WorkOffset,
@@ -30,6 +31,39 @@ pub(super) struct Viewers {
     settings: Publisher<ControllerSettingsMessage>,
 }
 
+/// What the controller said of itself, as a message.
+pub fn settings_to_wire(
+    stamp: Time,
+    baud: u32,
+    settings: &ControllerSettings,
+) -> ControllerSettingsMessage {
+    let rows = settings.settings.iter().map(|(number, value)| {
+        let (name, unit) = setting_name(settings.firmware, *number).unwrap_or_default();
+        ControllerSetting {
+            number: (*number).into(),
+            value: value.clone(),
+            name: name.into(),
+            unit: unit.into(),
+        }
+    });
+    let offsets = settings.offsets.iter().map(|offset| WorkOffset {
+        name: offset.name.clone(),
+        position: point_from_position(offset.position),
+    });
+    ControllerSettingsMessage {
+        stamp,
+        firmware: settings.firmware.traits().name.into(),
+        version: settings.version.clone(),
+        options: settings.options.clone(),
+        planner_blocks: settings.planner_blocks.into(),
+        receive_buffer_size: settings.receive_bytes.into(),
+        window: u32::try_from(settings.window).unwrap_or(u32::MAX),
+        hold_latency: settings.window as f64 * 10.0 / f64::from(baud.max(1)),
+        settings: rows.collect(),
+        offsets: offsets.collect(),
+    }
+}
+
 impl Viewers {
     pub(super) fn new(node: &Handle) -> Result<Self, NodeError> {
         let wanted: String = node.parameter("frame_prefix");
@@ -51,39 +85,7 @@ impl Viewers {
 
     /// Publishes what the controller said of itself.
     pub(super) fn publish_settings(&self, stamp: RosTime, settings: &ControllerSettings) {
-        let seconds = |bytes: usize| bytes as f64 * 10.0 / f64::from(self.baud.max(1));
-        self.settings.publish(ControllerSettingsMessage {
-            stamp: stamp.into(),
-            firmware: settings.firmware.traits().name.into(),
-            version: settings.version.clone(),
-            options: settings.options.clone(),
-            planner_blocks: settings.planner_blocks.into(),
-            receive_buffer_size: settings.receive_bytes.into(),
-            window: u32::try_from(settings.window).unwrap_or(u32::MAX),
-            hold_latency: seconds(settings.window),
-            settings: settings
-                .settings
-                .iter()
-                .map(|(number, value)| {
-                    let known = setting_name(settings.firmware, *number);
-                    let (name, unit) = known.unwrap_or_default();
-                    ControllerSetting {
-                        number: (*number).into(),
-                        value: value.clone(),
-                        name: name.into(),
-                        unit: unit.into(),
-                    }
-                })
-                .collect(),
-            offsets: settings
-                .offsets
-                .iter()
-                .map(|offset| WorkOffset {
-                    name: offset.name.clone(),
-                    position: point_from_position(offset.position),
-                })
-                .collect(),
-        });
+        self.settings.publish(settings_to_wire(stamp.into(), self.baud, settings));
     }
 
     /// Publishes the state; positions only when they are known.

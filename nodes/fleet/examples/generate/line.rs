@@ -1,12 +1,11 @@
 //! Both ends of a serial line, and the bag of what is published.
 
 use super::Event;
-use axis_driver::codes::setting_name;
 use axis_driver::driver::{
-    Command, ControllerSettings, Driver, DriverConfig, Input, Output, Overrides, RunOutcome,
-    RunRequest,
+    Command, Driver, DriverConfig, Input, Output, Overrides, RunOutcome, RunRequest,
 };
 use axis_driver::journal::{Entry, Journal, kind_to_wire};
+use axis_driver::node::settings_to_wire;
 use cnc_msgs::cdr;
 use cnc_msgs::convert::machine_state_to_wire;
 use cnc_msgs::interface::Message;
@@ -187,7 +186,8 @@ impl Run {
                     self.bag().put("machine_state", now, &state);
                 }
                 Output::Settings(settings) => {
-                    let message = settings_message(&settings);
+                    let (stamp, baud) = (self.bag().stamp(now), DriverConfig::default().baud);
+                    let message = settings_to_wire(stamp, baud, &settings);
                     self.bag().put("controller_settings", now, &message);
                 }
                 Output::RunFinished(result) => {
@@ -252,27 +252,5 @@ impl Run {
         if self.driver.next_deadline().is_some_and(|deadline| deadline <= self.now) {
             self.handle(Input::Timer);
         }
-    }
-}
-
-fn settings_message(settings: &ControllerSettings) -> wire::ControllerSettings {
-    let rows = settings.settings.iter().map(|(number, value)| {
-        let (name, unit) = setting_name(settings.firmware, *number).unwrap_or_default();
-        wire::ControllerSetting {
-            number: (*number).into(),
-            value: value.clone(),
-            name: name.into(),
-            unit: unit.into(),
-        }
-    });
-    wire::ControllerSettings {
-        firmware: settings.firmware.traits().name.into(),
-        version: settings.version.clone(),
-        options: settings.options.clone(),
-        planner_blocks: settings.planner_blocks.into(),
-        receive_buffer_size: settings.receive_bytes.into(),
-        window: u32::try_from(settings.window).unwrap_or(u32::MAX),
-        settings: rows.collect(),
-        ..Default::default()
     }
 }

@@ -5,14 +5,13 @@
 
 mod line;
 
-use axis_driver::driver::{DriverConfig, OnPathDeviation, RunRequest};
+use axis_driver::driver::RunRequest;
 use cnc_msgs::chunk::{
     Collector, ContourChunks, PathChunks, ProgramChunks, program_id, sha256_hex,
 };
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use cnc_msgs::wire::action_msgs::msg::{GoalInfo, GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
-use cnc_msgs::wire::rcl_interfaces::msg::{Parameter, ParameterType, ParameterValue};
 use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
 use compensation_planner::node::{certify, manifest_of, report_of};
 use compensation_planner::plan_certified;
@@ -262,31 +261,7 @@ fn plan(
     let path = Arc::new(received.finish(&manifest).expect("a path"));
     bag.put("compensation_report", at, &report);
     let node = format!("/{}/axis_driver", spec.machine);
-    // A node that does not publish these is of before, and polls otherwise.
-    let config = DriverConfig::default();
-    let parameter = |name: &str, value: u32| Parameter {
-        name: name.to_owned(),
-        value: ParameterValue {
-            type_: ParameterType::PARAMETER_INTEGER,
-            integer_value: value.into(),
-            ..Default::default()
-        },
-    };
-    let mut words = OnPathDeviation::WORDS.iter();
-    let word = words.find(|(_, policy)| *policy == config.on_path_deviation).expect("a word").0;
-    let watch = Parameter {
-        name: "on_path_deviation".to_owned(),
-        value: ParameterValue {
-            type_: ParameterType::PARAMETER_STRING,
-            string_value: word.to_owned(),
-            ..Default::default()
-        },
-    };
-    let parameters = vec![
-        watch,
-        parameter("busy_poll_interval_ms", config.busy_poll_interval_ms),
-        parameter("line_check_interval_ms", config.line_check_interval_ms),
-    ];
+    let parameters = axis_driver::node::default_parameters();
     bag.put(
         "node_parameters",
         at,

@@ -5,9 +5,11 @@
 //! `run_recorder` writes it.
 
 use axis_driver::driver::{Command, Driver, DriverConfig, Input, Output, RunRequest};
-use axis_driver::journal::{Entry, EntryKind, Journal};
+use axis_driver::journal::{Entry, Journal, kind_to_wire};
 use cnc_msgs::cdr;
-use cnc_msgs::chunk::{ContourChunks, PathChunks, ProgramChunks, program_id, sha256_hex};
+use cnc_msgs::chunk::{
+    Collector, ContourChunks, PathChunks, ProgramChunks, program_id, sha256_hex,
+};
 use cnc_msgs::convert::machine_state_to_wire;
 use cnc_msgs::interface::Message;
 use cnc_msgs::machine::Mode;
@@ -141,8 +143,7 @@ fn plan(bag: &mut Bag, blocks: u32) -> (String, Arc<cnc_msgs::path::CompensatedP
         tool_table_revision: 1,
         ..report_of(&planned, 0.05)
     };
-    let path = Arc::new(planned.path);
-    let cut = PathChunks::new(id.clone(), 1, Arc::clone(&path));
+    let cut = PathChunks::new(id.clone(), 1, Arc::new(planned.path));
     let manifest = wire::CompensatedPath {
         program_id: id.clone(),
         revision: 1,
@@ -150,12 +151,21 @@ fn plan(bag: &mut Bag, blocks: u32) -> (String, Arc<cnc_msgs::path::CompensatedP
         ..manifest_of(&cut, 0.05)
     };
     bag.put("/compensated_path", at, &manifest);
-    (0..cut.count()).filter_map(|it| cut.chunk(it)).for_each(|chunk| {
+    // The driver has its path from these messages, which round millimetres to metres.
+    let mut received = Collector::for_path(&manifest).expect("a manifest");
+    for chunk in (0..cut.count()).filter_map(|it| cut.chunk(it)) {
         bag.put("/compensated_path/chunks", at, &chunk);
-    });
+        received.add(chunk).expect("a chunk of it");
+    }
+    let path = Arc::new(received.finish(&manifest).expect("a path"));
     bag.put("/compensation_report", at, &report);
-    let parameters = wire::NodeParameters { node: "/axis_driver".into(), ..Default::default() };
-    bag.put("/node_parameters", at, &parameters);
+    let parameters = axis_driver::node::default_parameters();
+    let node = "/axis_driver".to_owned();
+    bag.put(
+        "/node_parameters",
+        at,
+        &wire::NodeParameters { node, parameters, ..Default::default() },
+    );
     (id, path)
 }
 
@@ -218,19 +228,10 @@ impl Run {
     }
 
     fn enter(&mut self, entry: Entry) {
-        let kind = match entry.kind {
-            EntryKind::Rx => wire::TrafficEntry::KIND_RECEIVED,
-            EntryKind::Tx => wire::TrafficEntry::KIND_TRANSMITTED,
-            EntryKind::Opened => wire::TrafficEntry::KIND_OPENED,
-            EntryKind::Closed => wire::TrafficEntry::KIND_CLOSED,
-            EntryKind::Timer => wire::TrafficEntry::KIND_TIMER,
-            EntryKind::Command => wire::TrafficEntry::KIND_COMMAND,
-            EntryKind::Checkpoint => wire::TrafficEntry::KIND_CHECKPOINT,
-        };
         let Time { sec, nanosec } = time(self.now);
         self.entries.push(wire::TrafficEntry {
             sequence: entry.sequence,
-            kind,
+            kind: kind_to_wire(entry.kind),
             stamp: stamp(self.now),
             monotonic: WireDuration { sec, nanosec },
             data: entry.data,

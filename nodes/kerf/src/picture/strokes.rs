@@ -150,7 +150,7 @@ impl Bounds {
         self.max = std::array::from_fn(|axis| self.max[axis].max(point[axis]));
     }
 
-    /// Adds motions; of an arc the whole circle.
+    /// Adds motions; of an arc what it passes, which is little of a large circle.
     pub(super) fn add_motions<'a>(
         &mut self,
         motions: impl Iterator<Item = Motion<'a>>,
@@ -160,14 +160,41 @@ impl Bounds {
             let from = view.project(start);
             self.add(from);
             self.add(view.project(end));
-            if let Shape::Arc(arc) = shape
-                && arc.plane == view.plane
-            {
-                let center = view.project(arc.center);
-                let radius = (from[0] - center[0]).hypot(from[1] - center[1]);
-                self.add([center[0] - radius, center[1] - radius]);
-                self.add([center[0] + radius, center[1] + radius]);
+            if let Shape::Arc(arc) = shape {
+                for (axis, value) in arc.outermost(start, end) {
+                    let mut point = start;
+                    point[axis] = value;
+                    self.add(view.project(point));
+                }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::geometry::{Arc, Plane};
+
+    /// The box around an arc about (0, -1000) that is nearly a line.
+    #[test]
+    fn a_nearly_straight_arc_takes_no_more_room_than_a_line() {
+        let arc = |clockwise| {
+            Shape::Arc(Arc { center: [0.0, -1000.0, 0.0], plane: Plane::Xy, clockwise, turns: 0 })
+        };
+        let reaches = |clockwise| {
+            let view = View { plane: Plane::Xy, is_mirrored: false };
+            let (start, end) = ([-10.0, -0.05, 0.0], [10.0, -0.05, 0.0]);
+            let shape = arc(clockwise);
+            let motion = Motion { class: "", start, shape: &shape, end };
+            let mut bounds = Bounds::new();
+            bounds.add_motions(std::iter::once(motion), view);
+            bounds
+        };
+        let near = reaches(true);
+        assert!(near.max[1] - near.min[1] < 0.1, "{near:?}");
+        assert!((near.min[1] - 0.0).abs() < 0.01, "it passes the highest point: {near:?}");
+        let far = reaches(false);
+        assert!(far.max[1] > 1999.0, "the other way round: {far:?}");
     }
 }

@@ -165,7 +165,7 @@ fn described(run_id: &str, goal: [u8; 16], wanted: &RunInputs) -> BTreeMap<Strin
         ("run_id".to_owned(), run_id.to_owned()),
         ("goal_id".to_owned(), cnc_msgs::chunk::hex(&goal)),
         ("software".to_owned(), concat!("kerf ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("build".to_owned(), option_env!("KERF_COMMIT").unwrap_or("unknown").to_owned()),
+        ("build".to_owned(), crate::COMMIT.unwrap_or("unknown").to_owned()),
     ]);
     if let Some(program) = &wanted.program {
         for (key, value) in [

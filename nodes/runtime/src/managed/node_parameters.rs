@@ -1,7 +1,7 @@
 //! The parameters of a running node, for the node itself.
 
 use crate::endpoints::node::Handle;
-use crate::managed::parameter_services::{from_wire, to_wire};
+use crate::managed::parameter_services::{from_wire, row_to_wire};
 use crate::parameters::ParameterValue;
 use crate::parameters::Parameters;
 use crate::parameters::common::MEMORY_MB_MAX;
@@ -19,11 +19,7 @@ type Kept = Vec<Parameter>;
 /// The parameters that may change while a node runs, with their values.
 fn settable(parameters: &Parameters) -> Kept {
     let rows = parameters.iter().filter(|(declared, _)| !declared.read_only);
-    rows.map(|(declared, value)| Parameter {
-        name: declared.name.clone(),
-        value: to_wire(Some(value)),
-    })
-    .collect()
+    rows.map(|(declared, value)| row_to_wire(declared, value)).collect()
 }
 
 impl Handle {

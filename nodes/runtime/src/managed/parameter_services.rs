@@ -8,7 +8,7 @@ use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::qos::Qos;
 use crate::parameters::live::LiveParameters;
-use crate::parameters::{ParameterValue, Parameters, Range, USE_SIM_TIME};
+use crate::parameters::{Declared, ParameterValue, Parameters, Range, USE_SIM_TIME};
 use crate::process::lock;
 use cnc_msgs::wire::rcl_interfaces::msg as wire;
 use cnc_msgs::wire::rcl_interfaces::srv;
@@ -82,13 +82,8 @@ impl Setter {
     /// Says which parameters there are.
     fn announce(&self) {
         let parameters = lock(&self.live.parameters);
-        let new_parameters = parameters
-            .iter()
-            .map(|(declared, value)| wire::Parameter {
-                name: declared.name.clone(),
-                value: to_wire(Some(value)),
-            })
-            .collect();
+        let new_parameters =
+            parameters.iter().map(|(declared, value)| row_to_wire(declared, value)).collect();
         self.publish(wire::ParameterEvent { new_parameters, ..Default::default() });
     }
 
@@ -185,6 +180,11 @@ fn describe(parameters: &Parameters, name: &str) -> wire::ParameterDescriptor {
         None => {}
     }
     descriptor
+}
+
+/// A parameter with its value, as a message.
+pub fn row_to_wire(declared: &Declared, value: &ParameterValue) -> wire::Parameter {
+    wire::Parameter { name: declared.name.clone(), value: to_wire(Some(value)) }
 }
 
 pub(crate) fn to_wire(value: Option<&ParameterValue>) -> wire::ParameterValue {

@@ -3,7 +3,7 @@
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
 use crate::endpoints::qos::Qos;
-use crate::managed::parameter_services::to_wire;
+use crate::managed::parameter_services::row_to_wire;
 use crate::process::lock;
 use cnc_msgs::wire::cnc_msgs::msg::NodeParameters;
 use cnc_msgs::wire::rcl_interfaces::msg::Parameter;
@@ -34,12 +34,6 @@ impl Handle {
 
     fn all_parameters(&self) -> Vec<Parameter> {
         let parameters = lock(&self.inner.parameters.parameters);
-        parameters
-            .iter()
-            .map(|(declared, value)| Parameter {
-                name: declared.name.clone(),
-                value: to_wire(Some(value)),
-            })
-            .collect()
+        parameters.iter().map(|(declared, value)| row_to_wire(declared, value)).collect()
     }
 }

@@ -1,0 +1,135 @@
+//! Where a program begins and ends: `%`, the end of the text, and what stands after the end.
+
+use super::{Reader, Section};
+use crate::flow::Flow;
+use crate::limits;
+use crate::line::Line;
+use cnc_msgs::contour::Source;
+use cnc_msgs::finding::{Code, Finding};
+
+impl Reader<'_> {
+    /// Reports a program without blocks, or without an end.
+    pub(super) fn check_end(&mut self, last_line: u32) {
+        if !self.has_blocks {
+            let message = "the program has no blocks";
+            return self.findings.push(
+                Finding::warning(Code::MissingWord, Source::default(), message)
+                    .help("nothing will move; is it the right file?"),
+            );
+        }
+        if let Some(source) = self.interpreter.open_curve() {
+            let message = "the curve that G5.2 begins has no G5.3";
+            let finding = Finding::error(Code::MissingWord, source, message);
+            self.findings.push(finding.help("write G5.3 after the last control point"));
+        }
+        if let Some(line) = self.last_line_without_end {
+            return self.no_end(line);
+        }
+        if matches!(self.section, Section::After { .. }) {
+            return;
+        }
+        let is_empty_line = self.text.last() == Some(&b'\n');
+        self.no_end(last_line - u32::from(is_empty_line));
+    }
+
+    fn no_end(&mut self, line: u32) {
+        let source = Source { line, column: 1, ..Source::default() };
+        self.findings.push(match self.flow.as_ref().and_then(Flow::running) {
+            Some(running) => {
+                let message = format!("the text ends within {running}");
+                Finding::error(Code::Syntax, source, message)
+                    .help("end a program that M98 calls with M99")
+            }
+            None => Finding::warning(Code::MissingWord, source, "the program has no end")
+                .help("is the file complete? programs end with M2 or M30"),
+        });
+    }
+
+    /// Checks that the text is one block.
+    #[cold]
+    pub(super) fn refuse_unless_single(&mut self, lines: u32) {
+        let source = Source { line: lines, column: 1, ..Source::default() };
+        let message = match (lines, self.has_blocks) {
+            (1, true) => return,
+            (1, false) => "there is no block to run".to_owned(),
+            (lines, _) => format!("{lines} lines are not a single block"),
+        };
+        let help = "give one block, without a line end; load a longer text as a program";
+        self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+    }
+
+    /// Reads a line that begins with `%`: a tape mark, the name of a program, or the name of an OSP
+    /// file.
+    #[inline]
+    pub(super) fn percent(&mut self, line: Line<'_>) -> bool {
+        let visible = line.text.trim_ascii_start();
+        let is_first = self.section == Section::Before;
+        if is_first && self.rules.dialect.lexer.names && visible.first() == Some(&b'$') {
+            return true;
+        }
+        if visible.first() != Some(&b'%') {
+            return false;
+        }
+        if !self.rules.dialect.percent_delimits {
+            // The name of the program; the name of another program ends this one.
+            if !is_first && self.section == Section::Within {
+                self.section = Section::After { end_line: line.number, is_reported: false };
+            }
+            return true;
+        }
+        if line.text == limits::APPENDED.as_bytes() {
+            self.end_before_appended(line);
+            return true;
+        }
+        let rest = visible[1..].trim_ascii();
+        if !rest.is_empty() && !matches!(rest[0], b'(' | b';') {
+            let start = line.text.len() - visible.len();
+            let source = line.source(None, start, start + visible.trim_ascii_end().len());
+            let message = "% must be alone in its line";
+            self.findings.push(
+                Finding::error(Code::Syntax, source, message)
+                    .help("delete what follows it, or put it into a comment ( )"),
+            );
+        }
+        self.section = match self.section {
+            Section::Before => Section::Within,
+            Section::Within => Section::After {
+                end_line: line.number,
+                is_reported: self.flow.as_ref().is_some_and(Flow::has_programs),
+            },
+            after @ Section::After { .. } => after,
+        };
+        true
+    }
+
+    /// What is appended to a program begins here.
+    #[cold]
+    fn end_before_appended(&mut self, line: Line<'_>) {
+        if self.section == Section::Within {
+            self.last_line_without_end = Some(line.number.saturating_sub(1));
+        }
+        if !matches!(self.section, Section::After { .. }) {
+            let is_reported = self.flow.as_ref().is_some_and(Flow::has_programs);
+            self.section = Section::After { end_line: line.number, is_reported };
+        }
+    }
+
+    /// Reports once that blocks after the end are not run; returns whether it has been reported.
+    #[cold]
+    pub(super) fn is_reported_after_end(&mut self, line: Line<'_>) -> bool {
+        let Section::After { end_line, is_reported } = self.section else { return false };
+        let visible = line.text.trim_ascii();
+        let is_remark = visible.is_empty() || matches!(visible[0], b'(' | b';');
+        if !is_remark && !is_reported {
+            let start = line.text.len() - line.text.trim_ascii_start().len();
+            let source = line.source(None, start, start + visible.len());
+            let message = format!("this is after the end of the program in line {end_line}");
+            self.findings.push(
+                Finding::warning(Code::Syntax, source, message)
+                    .help("it is not run; delete it, or delete the end before it"),
+            );
+            self.section = Section::After { end_line, is_reported: true };
+        }
+        matches!(self.section, Section::After { is_reported: true, .. })
+    }
+}
