@@ -5,8 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// The bags of a shard without a verdict, by key: the same for every worker that is asked.
 ///
-/// `selected` may name a bag twice, and be in any order. A bag in which an earlier worker stopped comes
-/// last: if it was the bag that stopped it, the others are done first.
+/// `selected` may name a bag twice, and be in any order. A bag in which earlier workers
+/// stopped comes last, the one with the most of them at the end: if it was the bag that stopped them,
+/// the others are done first.
 pub fn to_do<'a>(
     selected: impl IntoIterator<Item = &'a str>,
     shard: Shard,
@@ -15,9 +16,9 @@ pub fn to_do<'a>(
 ) -> Vec<String> {
     let ours = selected.into_iter().filter(|key| shard.has(key) && !done.contains(*key));
     let ours: BTreeSet<&str> = ours.collect();
-    let (last, first): (Vec<&str>, Vec<&str>) =
-        ours.into_iter().partition(|key| stopped_in.contains_key(*key));
-    first.into_iter().chain(last).map(str::to_owned).collect()
+    let mut ours: Vec<String> = ours.into_iter().map(str::to_owned).collect();
+    ours.sort_by_key(|key| stopped_in.get(key));
+    ours
 }
 
 #[cfg(test)]
@@ -35,10 +36,14 @@ mod tests {
             (&["a", "b", "c"], "0/2", &[], &[], &["a", "c"]),
             (&["a", "b", "c"], "1/2", &[], &[], &["b"]),
             (&["a"], "0/1", &["a"], &["a"], &[]),
+            (&["a", "b", "c", "d"], "0/1", &[], &["a", "b", "a"], &["c", "d", "b", "a"]),
         ] {
             let shard = shard.parse().expect("a shard");
-            let stopped = set(stopped).into_iter().map(|key| (key, 1)).collect();
-            let list = to_do(selected.iter().copied(), shard, &set(done), &stopped);
+            let mut stops = BTreeMap::new();
+            for key in stopped {
+                *stops.entry((*key).to_owned()).or_default() += 1;
+            }
+            let list = to_do(selected.iter().copied(), shard, &set(done), &stops);
             assert_eq!(list, expected, "{selected:?} {shard} {done:?} {stopped:?}");
         }
     }

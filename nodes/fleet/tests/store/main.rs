@@ -203,6 +203,9 @@ fn what_a_full_store_does_not_take_waits_in_the_spool() {
     assert_eq!(fs::read_dir(&spool).expect("a folder").count(), 0);
 }
 
+/// Workers that are killed, of both shards.
+const KILLS: u32 = 12;
+
 #[test]
 fn workers_that_are_killed_at_random_lose_and_double_nothing() {
     let folder = tempdir().expect("a folder");
@@ -220,6 +223,14 @@ fn workers_that_are_killed_at_random_lose_and_double_nothing() {
     while !shards.is_empty() {
         for shard in shards.clone() {
             let mut worker = worker(shard);
+            // A bag in which one is killed comes last again, and the third kill in it counts as its
+            // fault. So the kills end before only such bags are left.
+            if kills >= KILLS {
+                let status = worker.wait().expect("a process");
+                assert!(status.success(), "shard {shard}: {status}");
+                shards.remove(shard);
+                continue;
+            }
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             std::thread::sleep(Duration::from_millis(20 + (random >> 33) % 900));
             let ended = worker.try_wait().expect("a process");
@@ -231,7 +242,6 @@ fn workers_that_are_killed_at_random_lose_and_double_nothing() {
             } else {
                 kills += 1;
             }
-            assert!(kills < 2_000, "it makes no progress");
         }
     }
     assert!(kills >= 5, "only {kills} workers were killed");
@@ -239,7 +249,7 @@ fn workers_that_are_killed_at_random_lose_and_double_nothing() {
     assert_eq!(said.keys().collect::<Vec<_>>(), indexed(&store).keys().collect::<Vec<_>>());
     for (bag, rows) in said {
         assert_eq!(rows.len(), 1, "{bag}");
-        assert_eq!(rows[0][1].as_text(), "reproduced", "{bag}");
+        assert_eq!(rows[0][1].as_text(), "reproduced", "{bag}: {}", rows[0][5]);
     }
     assert_eq!(fs::read_dir(&journal).expect("a folder").count(), 0);
 }
