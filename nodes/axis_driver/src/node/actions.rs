@@ -2,7 +2,7 @@
 
 use super::path::{Paths, Planned};
 use super::run_start;
-use super::source::text_of;
+use super::source;
 use super::{RemoteDriver, Reply};
 use crate::codes::error_code;
 use crate::driver::{Command, MDI, Refusal, RunOutcome, RunResult};
@@ -143,6 +143,12 @@ async fn begin(
 ) -> Reply {
     driver.require_active()?;
     let (goal, stops) = (offer.goal(), driver.stops());
+    if goal.program_id.is_empty()
+        && let Some(program_id) = source::loaded(&driver.programs).await
+    {
+        // Whoever has just loaded it may be faster than `program`.
+        paths.on_program(program_id);
+    }
     let planned = paths.get(&goal.program_id, PATH_WITHIN).await;
     let planned = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
@@ -191,7 +197,7 @@ async fn follow(
     let program_id = driver.state.borrow().program_id.clone();
     let text = match result.blamed_line {
         0 => None,
-        line => text_of(&driver.programs, &program_id, line).await,
+        line => source::text_of(&driver.programs, &program_id, line).await,
     };
     let message = match text {
         Some(text) => format!("{}; the block is {text:?}", result.message),

@@ -1,4 +1,4 @@
-//! The text of a block, from the loader, for messages that name it.
+//! What the loader says of the loaded program: which one it is, and the text of a block for messages.
 
 use cnc_msgs::wire::cnc_msgs::srv::{GetProgramChunks, GetProgramChunksRequest};
 use runtime::Client;
@@ -38,4 +38,11 @@ pub(super) async fn text_of(
     let bytes = tokio::time::timeout(ASK_WITHIN, search).await.ok()??;
     let text: String = String::from_utf8_lossy(&bytes).trim().chars().take(SHOWN_CHARS).collect();
     (!text.is_empty()).then_some(text)
+}
+
+/// The program that the loader has loaded; `None` when it does not say, or has none.
+pub(super) async fn loaded(client: &Client<GetProgramChunks>) -> Option<String> {
+    let request = GetProgramChunksRequest::default();
+    let answer = client.call_within(request, ASK_WITHIN).await.ok()?;
+    Some(answer.chunks.into_iter().next()?.program_id)
 }
