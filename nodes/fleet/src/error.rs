@@ -9,6 +9,8 @@ pub enum FleetError {
     Usage(String),
     #[error("{store}: {object}: {why}")]
     Object { store: String, object: String, why: String },
+    #[error("{store}: {object}: the store refuses these credentials or this user: {why}")]
+    Denied { store: String, object: String, why: String },
     #[error("{object}: {why}")]
     Table { object: String, why: String },
     #[error("{path}: {why}")]

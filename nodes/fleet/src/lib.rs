@@ -8,7 +8,7 @@
 //! - `table`: rows as Parquet; `store`: objects, tried again when a request fails
 //! - `facts`: the row of a bag; `push`: bags into the store; `spool`: bags that wait for it
 //! - `dataset`: index and verdicts of a store; `worker` and `journal`: one shard
-//! - `report` and `page`: what came out; `bisect`: which commit did it
+//! - `report`, `page` and `pages`: what came out; `bisect`: which commit did it
 
 pub mod bisect;
 pub mod core;
@@ -17,6 +17,7 @@ pub mod error;
 pub mod facts;
 pub mod journal;
 pub mod page;
+pub mod pages;
 pub mod push;
 pub mod report;
 pub mod spool;

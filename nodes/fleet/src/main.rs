@@ -8,7 +8,7 @@ use fleet::core::condition::Condition;
 use fleet::core::key::{build_name, check_build, key_of};
 use fleet::core::shard::Shard;
 use fleet::store::Store;
-use fleet::{FleetError, bisect, page, push, report, worker};
+use fleet::{FleetError, bisect, page, pages, push, report, worker};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -33,10 +33,10 @@ enum Command {
     Bisect(BisectArgs),
 }
 
-/// A folder or its URL.
+/// Where the bags are.
 #[derive(Debug, Args)]
 struct StoreArgs {
-    /// The store: file:///FOLDER, or a folder
+    /// The store: file:///FOLDER, a folder, or s3://BUCKET/PREFIX
     #[arg(long, value_name = "URL")]
     store: String,
 }
@@ -102,6 +102,9 @@ struct ReportArgs {
     /// Write a page for a browser
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    /// Draw the first bag of each group too, into FILE.pages (in place of .html), and link to it
+    #[arg(long, requires = "html")]
+    pages: bool,
 }
 
 #[derive(Debug, Args)]
@@ -222,13 +225,16 @@ fn own_name() -> Result<String, FleetError> {
 
 fn run_report(args: &ReportArgs) -> Result<ExitCode, FleetError> {
     let store = Store::open(&args.store.store)?;
-    let report = report::report(&store, args.build.as_deref(), args.against.as_deref())?;
+    let mut report = report::report(&store, args.build.as_deref(), args.against.as_deref())?;
     if args.json {
         println!("{:#}", report.json());
     } else {
         print!("{}", report.text());
     }
     if let Some(file) = &args.html {
+        if args.pages {
+            pages::draw(&store, &mut report, file, &say)?;
+        }
         std::fs::write(file, page::html(&report)).map_err(|why| FleetError::file(file, why))?;
     }
     report.problems.iter().for_each(|problem| say(problem));

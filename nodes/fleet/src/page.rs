@@ -1,11 +1,11 @@
 //! The report as one HTML file: no script, no other file.
 
-use crate::core::groups::{Counts, Grouping};
+use crate::core::groups::{Counts, GROUPS_MAX, Grouping};
+use crate::core::key::bag_object;
 use crate::report::Report;
 use std::fmt::Write;
 
-/// Groups of one column on the page, and builds in the chart.
-const GROUPS_MAX: usize = 50;
+/// Builds in the chart.
 const BUILDS_MAX: usize = 40;
 /// A bar of the chart, px.
 const BAR_WIDTH: usize = 22;
@@ -97,19 +97,29 @@ fn chart(builds: &[(String, Counts)]) -> String {
 }
 
 fn tables(page: &mut String, report: &Report, groupings: &[Grouping]) {
-    for Grouping { by, groups } in groupings.iter().filter(|it| !it.groups.is_empty()) {
+    for grouping in groupings.iter().filter(|it| !it.groups.is_empty()) {
+        let Grouping { by, groups } = grouping;
         let _ = writeln!(
             page,
             "<h3>By {by}</h3>\n<table><tr><th>bags</th><th>{by}</th><th>first bag</th></tr>"
         );
-        for group in groups.iter().take(GROUPS_MAX) {
+        for group in grouping.shown() {
+            let first = match report.pages.get(&group.first_bag) {
+                Some(file) => format!(
+                    "<a href=\"{}\">{}</a>",
+                    escaped(&file.replace('%', "%25").replace('#', "%23").replace('?', "%3F")),
+                    escaped(&bag_object(&group.first_bag))
+                ),
+                None => {
+                    format!("<code>{}</code>", escaped(&report.page_command(&group.first_bag)))
+                }
+            };
             let _ = writeln!(
                 page,
-                "<tr><td class=\"n\">{}</td><td>{}</td><td>{}<br><code>{}</code></td></tr>",
+                "<tr><td class=\"n\">{}</td><td>{}</td><td>{}<br>{first}</td></tr>",
                 group.bags,
                 escaped(&group.value),
                 escaped(&group.first_text),
-                escaped(&report.page_command(&group.first_bag))
             );
         }
         let _ = writeln!(page, "</table>");
@@ -163,6 +173,7 @@ mod tests {
             bags_without_row: vec![],
             builds: vec![("abc".into(), counts)],
             problems: vec![],
+            pages: Default::default(),
         };
         let page = html(&report);
         for expected in [
@@ -175,5 +186,9 @@ mod tests {
             assert!(page.contains(expected), "{expected} is not in {page}");
         }
         assert!(!page.contains("<script"));
+        // What was drawn is linked.
+        let pages = [("ab".repeat(32), "of 100%.pages/abab.html".to_owned())].into();
+        let page = html(&Report { pages, ..report });
+        assert!(page.contains("<a href=\"of 100%25.pages/abab.html\">bags/abab"), "{page}");
     }
 }

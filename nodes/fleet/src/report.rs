@@ -8,7 +8,7 @@ use crate::core::schema::VERDICTS;
 use crate::store::Store;
 use crate::{FleetError, dataset};
 use serde_json::{Value, json};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 /// Groups of one column, and names of objects, that are printed.
@@ -32,6 +32,8 @@ pub struct Report {
     pub builds: Vec<(String, Counts)>,
     /// Files that could not be read.
     pub problems: Vec<String>,
+    /// Pages of bags that were drawn, beside the page of the report.
+    pub pages: BTreeMap<String, String>,
 }
 
 /// What two builds do not say alike.
@@ -113,6 +115,7 @@ pub fn report(
             .collect(),
         builds,
         problems,
+        pages: BTreeMap::new(),
     })
 }
 
@@ -174,8 +177,12 @@ impl Report {
         })
     }
 
-    /// The command that draws a bag on a page.
+    /// The command that draws a bag on a page; a bag in a bucket is drawn by `--pages`.
     pub fn page_command(&self, bag: &str) -> String {
+        if self.store.starts_with("s3://") {
+            let store = shell_word(&self.store);
+            return format!("kerf fleet report --store {store} --html report.html --pages");
+        }
         let folder = self.store.strip_prefix("file://").unwrap_or(&self.store);
         format!(
             "kerf replay {} --html {}.html",

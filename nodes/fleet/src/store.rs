@@ -1,5 +1,8 @@
 //! Objects of a store, each request tried again while the store may only be busy.
 
+#[cfg(feature = "s3")]
+mod s3;
+
 use crate::FleetError;
 use bytes::Bytes;
 use futures::StreamExt;
@@ -49,25 +52,33 @@ pub enum Missing {
 }
 
 impl Store {
-    /// Opens a store by its URL: `file:///srv/bags`, or a folder. It must have been made with `create`: a
-    /// mount point whose share is not mounted is no store, and no empty one.
+    /// Opens a store by its URL: `file:///srv/bags`, a folder, or `s3://BUCKET/PREFIX`. It must have been made
+    /// with `create`: a mount point whose share is not mounted is no store, and no empty one.
     pub fn open(url: &str) -> Result<Self, FleetError> {
-        let store = Self::at(url, folder_of(url)?)?;
+        let store = match Place::of(url)? {
+            Place::Folder(folder) => Self::in_folder(url, folder)?,
+            Place::S3(place) => Self::in_s3(url, place)?,
+        };
         store.check()?;
         Ok(store)
     }
 
-    /// Makes a store, or opens the one that is there.
+    /// Makes a store, or opens the one that is there. A bucket must be there.
     pub fn create(url: &str) -> Result<Self, FleetError> {
-        let folder = folder_of(url)?;
-        std::fs::create_dir_all(folder)
-            .map_err(|why| FleetError::file(folder, format!("the store cannot be made: {why}")))?;
-        let store = Self::at(url, folder)?;
+        let store = match Place::of(url)? {
+            Place::Folder(folder) => {
+                let failed =
+                    |why| FleetError::file(folder, format!("the store cannot be made: {why}"));
+                std::fs::create_dir_all(folder).map_err(failed)?;
+                Self::in_folder(url, folder)?
+            }
+            Place::S3(place) => Self::in_s3(url, place)?,
+        };
         store.mark()?;
         Ok(store)
     }
 
-    fn at(url: &str, folder: &Path) -> Result<Self, FleetError> {
+    fn in_folder(url: &str, folder: &Path) -> Result<Self, FleetError> {
         let absent = |why: &dyn std::fmt::Display| FleetError::no_store(url, why);
         let place = folder.canonicalize().map_err(|why| absent(&why))?;
         let files = object_store::local::LocalFileSystem::new_with_prefix(&place);
@@ -76,6 +87,22 @@ impl Store {
         let mut store = Self::with(Arc::new(files), url.to_owned())?;
         store.place = format!("file://{}", place.display());
         Ok(store)
+    }
+
+    #[cfg(feature = "s3")]
+    fn in_s3(url: &str, place: &str) -> Result<Self, FleetError> {
+        let (bucket, place) = s3::bucket(url, place)?;
+        let mut store = Self::with(bucket, url.to_owned())?;
+        store.place = place;
+        Ok(store)
+    }
+
+    #[cfg(not(feature = "s3"))]
+    fn in_s3(url: &str, _: &str) -> Result<Self, FleetError> {
+        Err(FleetError::Usage(format!(
+            "--store {url}: this build has no stores with s3://; `cargo install --path nodes/fleet --features s3 \
+             --locked` makes one that has them"
+        )))
     }
 
     /// Writes the object that makes a folder a store, unless it is there.
@@ -94,6 +121,7 @@ impl Store {
             Err(Missing::Absent) => {
                 return Err(FleetError::no_store(&self.name, &format!("no {MARKER} is in it")));
             }
+            Err(Missing::Failed(error @ FleetError::Denied { .. })) => return Err(error),
             Err(Missing::Failed(error)) => {
                 return Err(FleetError::no_store(&self.name, &error));
             }
@@ -215,7 +243,7 @@ impl Store {
                 Err(error) => error,
             };
             if is_final(&error) || tries == TRIES {
-                return Err(Missing::Failed(self.failed(object, &error)));
+                return Err(Missing::Failed(self.refused(object, &error)));
             }
             std::thread::sleep(pause);
             pause *= 2;
@@ -230,6 +258,17 @@ impl Store {
         }
     }
 
+    fn refused(&self, object: &str, error: &Error) -> FleetError {
+        match error {
+            Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => FleetError::Denied {
+                store: self.name.clone(),
+                object: object.to_owned(),
+                why: error.to_string(),
+            },
+            error => self.failed(object, error),
+        }
+    }
+
     fn failed(&self, object: &str, why: &dyn std::fmt::Display) -> FleetError {
         FleetError::Object {
             store: self.name.clone(),
@@ -239,22 +278,33 @@ impl Store {
     }
 }
 
-/// The folder of a URL.
-fn folder_of(url: &str) -> Result<&Path, FleetError> {
-    let usage = |why: String| Err(FleetError::Usage(format!("--store {url}: {why}")));
-    match url.split_once("://") {
-        Some(("file", path)) if path.starts_with('/') => Ok(Path::new(path)),
-        Some(("file", path)) => usage(format!("`{path}` is a host; a folder is file:///{path}")),
-        Some((scheme, _)) => usage(format!(
-            "this build has no stores with {scheme}://; use a folder or file:///FOLDER"
-        )),
-        // A forgotten slash would make a folder of this name.
-        None => match url.split_once(':') {
-            Some((scheme, _)) if !scheme.contains('/') => usage(format!(
-                "`{scheme}:` begins a URL; a folder is file:///FOLDER, and one of this name is ./{url}"
+/// What a URL names.
+enum Place<'a> {
+    Folder(&'a Path),
+    /// `BUCKET/PREFIX`.
+    S3(&'a str),
+}
+
+impl<'a> Place<'a> {
+    fn of(url: &'a str) -> Result<Self, FleetError> {
+        let usage = |why: String| Err(FleetError::Usage(format!("--store {url}: {why}")));
+        match url.split_once("://") {
+            Some(("file", path)) if path.starts_with('/') => Ok(Self::Folder(Path::new(path))),
+            Some(("file", path)) => {
+                usage(format!("`{path}` is a host; a folder is file:///{path}"))
+            }
+            Some(("s3", place)) => Ok(Self::S3(place)),
+            Some((scheme, _)) => usage(format!(
+                "there are no stores with {scheme}://; use a folder, file:///FOLDER or s3://BUCKET/PREFIX"
             )),
-            _ => Ok(Path::new(url)),
-        },
+            // A forgotten slash would make a folder of this name.
+            None => match url.split_once(':') {
+                Some((scheme, _)) if !scheme.contains('/') => usage(format!(
+                    "`{scheme}:` begins a URL; a folder is file:///FOLDER, and one of this name is ./{url}"
+                )),
+                _ => Ok(Self::Folder(Path::new(url))),
+            },
+        }
     }
 }
 
@@ -270,10 +320,7 @@ mod tests {
     #[test]
     fn what_is_no_store_is_refused_with_what_is_one() {
         for (url, expected) in [
-            (
-                "gopher://x",
-                "--store gopher://x: this build has no stores with gopher://".to_owned(),
-            ),
+            ("gopher://x", "--store gopher://x: there are no stores with gopher://".to_owned()),
             (
                 "file://srv/bags",
                 "--store file://srv/bags: `srv/bags` is a host; a folder is file:///srv/bags"

@@ -74,6 +74,16 @@ pub struct Grouping {
     pub groups: Vec<Group>,
 }
 
+/// Groups of one column on a page.
+pub const GROUPS_MAX: usize = 50;
+
+impl Grouping {
+    /// The groups that a page has room for.
+    pub fn shown(&self) -> impl Iterator<Item = &Group> {
+        self.groups.iter().take(GROUPS_MAX)
+    }
+}
+
 /// By bag: the index, and the verdicts of one build.
 pub type Index = BTreeMap<String, Known>;
 /// By bag: whole rows of the verdicts.
