@@ -6,7 +6,7 @@ use crate::report::Report;
 use crate::store::{Missing, Store};
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Draws the pages of a report into a folder beside its own page, and notes them in it. `say` gets a sentence
@@ -22,7 +22,7 @@ pub fn draw(
 ) -> Result<(), FleetError> {
     let folder = page.with_extension("pages");
     fs::create_dir_all(&folder).map_err(|why| FleetError::file(&folder, why))?;
-    let kerf = kerf();
+    let kerf = runtime::program_beside("kerf");
     let against = report.against.iter().flat_map(|it| &it.groups);
     let groups = report.groups.iter().chain(against).flat_map(|it| it.shown());
     let bags: BTreeSet<String> = groups.map(|group| group.first_bag.clone()).collect();
@@ -60,10 +60,4 @@ pub fn draw(
         }
     }
     Ok(())
-}
-
-/// The program, as `kerf` finds `kerf-fleet`.
-fn kerf() -> PathBuf {
-    let beside = std::env::current_exe().ok().map(|it| it.with_file_name("kerf"));
-    beside.filter(|it| it.is_file()).unwrap_or_else(|| "kerf".into())
 }

@@ -16,6 +16,8 @@ mod compressed;
 pub mod diff;
 #[cfg(feature = "std-fs")]
 pub mod files;
+#[cfg(feature = "node")]
+mod handed_over;
 pub mod info;
 mod joined;
 pub mod metadata;

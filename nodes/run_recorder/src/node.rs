@@ -6,6 +6,7 @@
 
 mod definitions;
 mod fetch;
+mod fleet;
 mod goals;
 mod health;
 mod inputs;
@@ -67,6 +68,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         newest: Mutex::default(),
         stuck: Mutex::default(),
         removal_lock: Mutex::default(),
+        pushes: fleet::FleetPushes::default(),
         state: Mutex::default(),
     });
     recorder.publish(Recording::default());
@@ -91,6 +93,17 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
             shared.publish_progress();
         }
     });
+    let (shared, mut changes) = (Arc::clone(&recorder), node.parameter_changes());
+    node.spawn("fleet store", async move {
+        let mut store: String = shared.node.parameter("fleet_store");
+        while changes.changed().await.is_ok() {
+            let now: String = shared.node.parameter("fleet_store");
+            if store != now {
+                store = now;
+                shared.push_to_fleet();
+            }
+        }
+    });
     Ok(lifecycle::Shell(recorder))
 }
 
@@ -109,6 +122,7 @@ struct Recorder {
     stuck: Mutex<Vec<String>>,
     /// Held while bags are removed.
     removal_lock: Mutex<()>,
+    pushes: fleet::FleetPushes,
     state: Mutex<RecorderState>,
 }
 
@@ -340,6 +354,7 @@ impl Recorder {
         }
         self.publish(store::recording_message(stamp, run_id, false, &status));
         self.spawn_removal_of_old_bags();
+        self.push_to_fleet();
     }
 
     fn publish_progress(&self) {

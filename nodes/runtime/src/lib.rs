@@ -101,6 +101,7 @@ pub use managed::parameter_services::row_to_wire as parameter_to_wire;
 pub use parameters::Declared;
 pub use process::memory::Memory;
 pub use process::panic_guard::catch;
+pub use process::program_beside;
 pub use process::shutdown::{Error, NodeResult, Shutdown};
 pub use process::supervision;
 pub use process::time::RosTime;

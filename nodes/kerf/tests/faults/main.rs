@@ -26,6 +26,7 @@ mod clock;
 mod commander_lost;
 mod controller_fails;
 mod disk;
+mod fleet_store;
 mod lifecycle;
 mod nodes;
 mod restart;

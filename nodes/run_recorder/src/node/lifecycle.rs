@@ -21,6 +21,7 @@ impl Managed for Shell {
             Trouble::failure(format!("cannot make the folder for bags {shown}: {error}"))
         })?;
         self.0.spawn_removal_of_old_bags();
+        self.0.push_to_fleet();
         Ok(())
     }
 
@@ -48,7 +49,8 @@ impl Managed for Shell {
     }
 
     fn health(&self) -> Vec<Health> {
-        vec![self.0.health(), self.0.health_of_old_bags()]
+        let always = [self.0.health(), self.0.health_of_old_bags()];
+        always.into_iter().chain(self.0.health_of_pushes()).collect()
     }
 }
 

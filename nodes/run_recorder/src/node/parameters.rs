@@ -58,6 +58,11 @@ pub(super) fn declared() -> Vec<Declared> {
             "space that unmarked bags may take, GB; the oldest are removed; 0: no limit",
         )
         .integer_within(0, KEEP_GB_MAX),
+        Declared::new(
+            "fleet_store",
+            "",
+            "store that is given each bag, by kerf-fleet: a folder, file:///FOLDER or s3://BUCKET/PREFIX; empty: none",
+        ),
     ]
 }
 

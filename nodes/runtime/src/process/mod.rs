@@ -5,6 +5,7 @@
 //! environment (`command_line`), anything that sends or receives (`endpoints`), and the order in
 //! which a node starts and stops (`run.rs` and `session.rs` at the top).
 
+mod companion;
 pub(crate) mod console;
 pub(crate) mod lifecycle_states;
 mod lock;
@@ -14,4 +15,5 @@ pub(crate) mod shutdown;
 pub mod supervision;
 pub(crate) mod time;
 
+pub use companion::program_beside;
 pub(crate) use lock::lock;
