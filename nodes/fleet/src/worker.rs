@@ -12,7 +12,7 @@ use crate::journal::Journal;
 use crate::store::{Missing, Store};
 use bytes::Bytes;
 use replay::compare::kind;
-use replay::{Level, Options, ReplayResult, replay_opened};
+use replay::{Level, Options, PlanMemo, ReplayResult, replay_opened};
 use run_recorder::bag_reader::Bag;
 use std::collections::BTreeSet;
 use std::io::Cursor;
@@ -90,6 +90,7 @@ pub fn run(store: &Store, order: &Order<'_>, say: &dyn Fn(&str)) -> Result<Done,
     done.known = selected().filter(|bag| shard.has(bag) && with_verdict.contains(*bag)).count();
     let list = to_do(selected(), shard, &with_verdict, &left.stopped_in);
 
+    let memo = PlanMemo::default();
     let mut part: Vec<Row> = Vec::new();
     let mut since = Instant::now();
     for bag in &list {
@@ -105,7 +106,7 @@ pub fn run(store: &Store, order: &Order<'_>, say: &dyn Fn(&str)) -> Result<Done,
         } else {
             journal.begin(bag)?;
             match store.get(&bag_object(bag)) {
-                Ok(content) => judge(bag, content, order.bag_bytes_max),
+                Ok(content) => judge(bag, content, order.bag_bytes_max, &memo),
                 Err(Missing::Absent) => {
                     journal.skip(bag)?;
                     done.absent += 1;
@@ -182,7 +183,7 @@ fn too_large(bag: &str, bytes: u64, most: u64) -> Row {
 }
 
 /// The verdict on a bag; whatever is wrong with the bag is a verdict, too.
-pub fn judge(bag: &str, content: Bytes, bytes_max: u64) -> Row {
+pub fn judge(bag: &str, content: Bytes, bytes_max: u64, memo: &PlanMemo) -> Row {
     let begun = Instant::now();
     let unpacked = unpacked_bytes(&content);
     let mut row = if key_of(&content) == bag {
@@ -190,7 +191,7 @@ pub fn judge(bag: &str, content: Bytes, bytes_max: u64) -> Row {
             return too_large(bag, unpacked, bytes_max);
         }
         // A bag that finds a fault in a core is evidence, and no reason to leave out the others.
-        let replayed = std::panic::catch_unwind(|| replayed(bag, content));
+        let replayed = std::panic::catch_unwind(|| replayed(bag, content, memo));
         replayed.unwrap_or_else(|_| {
             error_row(bag, "bag", "today's build panics on it: please report it")
         })
@@ -206,13 +207,15 @@ pub fn judge(bag: &str, content: Bytes, bytes_max: u64) -> Row {
     row
 }
 
-fn replayed(bag: &str, content: Bytes) -> Row {
+fn replayed(bag: &str, content: Bytes, memo: &PlanMemo) -> Row {
     let name = bag_object(bag);
     let mut opened = match Bag::open(&name, Cursor::new(content)) {
         Ok(opened) => opened,
         Err(error) => return error_row(bag, "bag", &error.to_string()),
     };
-    match replay_opened(&mut opened, &Level::ALL, Options::default()) {
+    // Bags with the same contour, control and tools have one plan.
+    let options = Options { memo: Some(memo), ..Options::default() };
+    match replay_opened(&mut opened, &Level::ALL, options) {
         Ok(result) => verdict_row(bag, &result),
         Err(error) => error_row(bag, "bag", &error.to_string()),
     }

@@ -166,6 +166,7 @@ impl Report {
             is_chain: args.chain || args.update,
             play_stack: Some(&play_stack),
             keep_program: Some(&keep_for_report),
+            memo: None,
         };
         let verdict = replay(path, levels, options).map_err(of_bag)?;
         self.differs |= !verdict.is_reproduced() && !args.update;

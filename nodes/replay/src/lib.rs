@@ -24,6 +24,7 @@ mod migration;
 pub mod output;
 pub mod path_difference;
 pub mod path_distance;
+mod plan_memo;
 pub mod planner;
 pub mod recording;
 mod refused_loads;
@@ -42,6 +43,7 @@ pub use error::ReplayError;
 use guard::{Contents, absent};
 use inputs::CoreInputs;
 use output::Output;
+pub use plan_memo::PlanMemo;
 use planner::Replanned;
 use recording::Recording;
 use run_recorder::bag_reader::{Bag, LATE, Problem, RUN_RECORD};
@@ -113,6 +115,8 @@ pub struct Options<'a> {
     pub play_stack: Option<&'a PlayStack<'a>>,
     /// Keeps the program where planner and audit disagree, as evidence.
     pub keep_program: Option<&'a KeepProgram<'a>>,
+    /// Plans that other bags have in common with this one; without it each bag is planned by itself.
+    pub memo: Option<&'a PlanMemo>,
 }
 
 impl Options<'_> {

@@ -4,18 +4,21 @@ use super::compare::{Comparison, Difference};
 use super::inputs::CoreInputs;
 use super::output::Output;
 use super::path_difference::{Likeness, at_most, likeness};
+use super::plan_memo::name_of;
 use super::recording::{RecordedPlan, RecordedProgram, Recording};
 use super::{Options, ReplayError};
 use cnc_msgs::chunk::PathChunks;
+use cnc_msgs::interface::Message;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::{
-    CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk, PathEvent,
+    CompensatedPath as CompensatedPathMessage, CompensationReport, ContourChunk, PathChunk,
+    PathEvent,
 };
 use compensation_planner::node::{certify, manifest_of, report_of};
 use compensation_planner::set_tool::LoadedProgram;
 use compensation_planner::verdict::prove;
-use compensation_planner::{UncutRegion, plan, plan_certified, replan as rest};
+use compensation_planner::{Plan, UncutRegion, plan, plan_certified, replan as rest};
 use path_audit::audit_after;
 use std::sync::Arc;
 
@@ -90,15 +93,24 @@ fn replan(
         Some(rest) => (&rest.contour, &rest.tools),
         None => (&*programmed, tools),
     };
+    // What the loader makes now, and the rest of a run, are of this bag alone.
+    let is_of_bag = rest.is_some() || inputs.is_chain();
+    // A plan is known by the checksum of its contour, which was compared unless its definition is an older one.
+    let has_checksum = !recording.definitions.is_migrated(ContourChunk::TYPE_NAME);
+    let memo = options.memo.filter(|_| !is_of_bag && has_checksum);
+    let memoized = |certifies: bool, make: &dyn Fn() -> Plan| match memo {
+        Some(memo) => memo.plan(name_of(program, tools, certifies), make),
+        None => Arc::new(make()),
+    };
     let mut now = match &rest {
         Some(rest) => rest.plan.clone(),
-        None => {
+        None => Arc::unwrap_or_clone(memoized(false, &|| {
             let verdict = prove(plan(contour, &profile, tools), contour, &profile, tools);
             if let Some(found) = &verdict.disagreement {
                 options.keep(&program.manifest.name, &program.text, found);
             }
             verdict.plan
-        }
+        })),
     };
     let mut report_now = CompensationReport {
         header: report.header.clone(),
@@ -109,7 +121,8 @@ fn replan(
     };
     // Certificates are published later; the bag of a short run may not have them.
     if report.certificate_count > 0 {
-        certify(&mut report_now, &plan_certified(contour, &profile, tools).certificates);
+        let certified = memoized(true, &|| plan_certified(contour, &profile, tools));
+        certify(&mut report_now, &certified.certificates);
     }
     comparison.message(&format!("compensation_report {revision}"), report, &report_now);
     outputs.push(Output::new("compensation_report", recorded.log_time_ns, &report_now));
