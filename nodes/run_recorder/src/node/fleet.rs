@@ -83,9 +83,11 @@ impl Recorder {
         })?;
         let mut problem = None;
         let refused = self.pushes.state().refused.clone();
-        // Without a bag, what waits is sent.
-        let bags = due.iter().filter(|bag| !refused.contains(*bag)).map(Some);
-        let bags: Vec<_> = if due.is_empty() { vec![None] } else { bags.collect() };
+        let mut bags: Vec<_> = due.iter().filter(|bag| !refused.contains(*bag)).map(Some).collect();
+        if bags.is_empty() {
+            // Without a bag, what waits is sent.
+            bags.push(None);
+        }
         for bag in bags {
             let mut push = Command::new(program_beside(PROGRAM));
             push.args(["push", "--store", &store, "--spool"]).arg(folder.spool()).args(bag);
