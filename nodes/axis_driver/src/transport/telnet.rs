@@ -182,7 +182,9 @@ mod tests {
     #[test]
     fn commands_are_taken_out_and_each_offer_is_answered_once() {
         let ours = |option, is_on| Event::Ours { option, is_on };
-        let rows: Vec<(&[u8], &[u8], &[u8], Vec<Event>)> = vec![
+        // What comes, what of it is data, what is answered, what is said of it.
+        type Row<'a> = (&'a [u8], &'a [u8], &'a [u8], Vec<Event>);
+        let rows: Vec<Row<'_>> = vec![
             (b"ok\r\n", b"ok\r\n", b"", vec![]),
             (b"o\xff\xffk", b"o\xffk", b"", vec![]),
             // Nothing, and are you there.
