@@ -27,7 +27,7 @@ ARGUMENTS = (
     ('namespace', '', 'namespace of the machine; two machines in one domain need two'),
     ('params_file', str(Path(__file__).with_name('kerf.yaml')), 'parameters of all nodes'),
     ('log_level', 'info', 'debug, info, warn, error or fatal'),
-    ('port', '', "serial port of the controller; empty: the parameters' own"),
+    ('port', '', "port of the controller, a device or a URL; empty: the parameters' own"),
     ('tool_table', '', "YAML file of the tools; empty: the parameters' own"),
     ('program_directories', '',
      "folders of programs that are loaded by path, with : between; empty: the parameters' own"),

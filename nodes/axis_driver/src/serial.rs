@@ -29,7 +29,8 @@ use std::time::{Duration, Instant};
 /// Which port, and how it is treated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SerialConfig {
-    /// Best a stable name below `/dev/serial/by-id`.
+    /// A device, best a stable name below `/dev/serial/by-id`; or a URL: `tcp://mill:23`,
+    /// `ws://mill:81`, `rfc2217://gate:4000`.
     pub path: String,
     /// The level of DTR after opening; `None` leaves what the system does. Some boards
     /// are reset by a change, some stay silent without it.

@@ -8,6 +8,7 @@ use runtime::arguments::Arguments;
 use runtime::stack_parameters::StackParameters;
 use std::path::PathBuf;
 use tokio::signal::unix::{SignalKind, signal};
+use virtual_controller::Listen;
 
 /// The order in which the nodes are stopped: the machine first, its recorder last.
 pub(crate) const STOP_ORDER: [&str; 4] =
@@ -31,6 +32,10 @@ pub(crate) struct UpArgs {
     /// Scenario of the virtual controller: its build, settings and faults
     #[arg(long, value_name = "FILE", requires = "virtual_controller")]
     scenario: Option<PathBuf>,
+    /// Let the virtual controller listen on a network: tcp://127.0.0.1:7023, ws://127.0.0.1:7081 or
+    /// rfc2217://127.0.0.1:7217
+    #[arg(long, value_name = "URL", value_parser = listen, requires = "virtual_controller")]
+    listen: Option<Listen>,
 }
 
 /// The folders in which the loader looks up files: its parameters', and the current one, so that
@@ -60,6 +65,15 @@ fn folders(read: &StackParameters) -> Vec<String> {
 fn time_factor(text: &str) -> Result<f64, String> {
     let factor = text.parse().ok().filter(|factor| (0.001..=10_000.0).contains(factor));
     factor.ok_or_else(|| format!("{text:?} is not a factor from 0.001 to 10000"))
+}
+
+/// Where the virtual controller listens, with a port number that the driver can be given.
+fn listen(text: &str) -> Result<Listen, String> {
+    let listen: Listen = text.parse()?;
+    match listen.address.port() {
+        0 => Err(format!("{text:?} names no port: choose a number from 1 to 65535, such as 7023")),
+        _ => Ok(listen),
+    }
 }
 
 /// Starts the nodes, restarts those that fail, stops all in order.
@@ -95,8 +109,11 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
     let mut controller = Stack::new().map_err(Failure::usage)?;
     let link = std::env::temp_dir().join(format!("kerf-{}-controller", std::process::id()));
     if args.virtual_controller {
-        let port = link.display().to_string();
-        let mut controller_args = vec!["--link".to_owned(), port.clone()];
+        let (flag, port) = match args.listen {
+            Some(listen) => ("--listen", listen.to_string()),
+            None => ("--link", link.display().to_string()),
+        };
+        let mut controller_args = vec![flag.to_owned(), port.clone()];
         for (flag, value) in [
             ("--time-factor", args.time_factor.map(|factor| factor.to_string())),
             ("--firmware", args.firmware.clone()),
@@ -105,7 +122,10 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
             controller_args.extend(value.into_iter().flat_map(|value| [flag.to_owned(), value]));
         }
         controller.start("virtual_controller", &controller_args).map_err(Failure::usage)?;
-        wait_for_file(&link).await?;
+        if args.listen.is_none() {
+            // The driver connects again and again to a network port.
+            wait_for_file(&link).await?;
+        }
         let mut words =
             vec!["--ros-args".to_owned(), "-p".into(), format!("axis_driver:port:={port}")];
         if let Some(factor) = args.time_factor.filter(|factor| *factor > 1.0) {

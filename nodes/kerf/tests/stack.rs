@@ -5,7 +5,7 @@
 mod machine;
 mod support;
 
-use machine::{Machine, Turn, domain, kill_at_once, processes, transmitted, until};
+use machine::{Machine, SLOW_POLLING, Turn, domain, kill_at_once, processes, transmitted, until};
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use support::{CONTOUR, Folder, kerf, run};
@@ -223,6 +223,25 @@ fn a_port_that_answers_garbage_is_never_idle_and_refuses_runs() {
     assert!(machine.bags().is_empty());
     assert_eq!(machine.interrupt(), 0);
     machine.until_gone();
+}
+
+#[test]
+fn a_program_runs_over_each_network_cable_and_its_bag_replays() {
+    for scheme in ["tcp", "ws", "rfc2217"] {
+        let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+        let url = format!("{scheme}://{}", free.local_addr().expect("an address"));
+        drop(free);
+        let turn = Turn::wait();
+        let args = ["--virtual-controller", "--time-factor", "10", "--listen", &url];
+        let mut machine = Machine::start(&domain(), scheme, &args, &SLOW_POLLING, Some(turn));
+        machine.until_state("IDLE");
+        machine.folder.file("part.ngc", "G21 G90\nG0 X11\nG1 X12 Y5 F600\nM30\n");
+        machine.kerf(&["run", "part.ngc"]).expect(0);
+        assert!(machine.until_state("IDLE").contains("work     X12.000"), "{scheme}");
+        reproduced(&machine, &machine.until_bags(1)[0]);
+        assert_eq!(machine.interrupt(), 0, "{scheme}");
+        machine.until_gone();
+    }
 }
 
 #[test]

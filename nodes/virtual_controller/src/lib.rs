@@ -39,7 +39,10 @@ pub use counts::Counts;
 pub use fault::{ByteFault, Direction, Fault, FaultAction, FaultError, FaultInjector, Trigger};
 pub use firmware::{Firmware, UnknownFirmware};
 #[cfg(feature = "node")]
-pub use node::{ServeError, ServeOptions, Stop, StopHandle, cli, serve, serve_device, stop_pair};
+pub use node::{
+    Listen, Protocol, ServeError, ServeOptions, Stop, StopHandle, cli, serve, serve_device,
+    serve_device_on, stop_pair,
+};
 pub use paced::{Device, LineEvents, LineTiming, PacedLine};
 pub use receive::TRANSMIT_BUFFER_BYTES;
 pub use scenario::{Machine, Scenario, ScenarioError, UnknownMachine};

@@ -156,8 +156,8 @@ impl Driver {
         if self.phase.is_at_work() || self.check.is_some() {
             return refused(error_code::BUSY, "parameters are taken when nothing is under way");
         }
-        let DriverConfig { baud, receive_buffer_bytes, .. } = self.context.config;
-        self.context.config = DriverConfig { baud, receive_buffer_bytes, ..config };
+        let DriverConfig { baud, is_networked, receive_buffer_bytes, .. } = self.context.config;
+        self.context.config = DriverConfig { baud, is_networked, receive_buffer_bytes, ..config };
         self.context.link.set_config(self.context.config.link());
         done("taken")
     }

@@ -75,6 +75,11 @@ impl Connecting {
         self.until
     }
 
+    /// Whether nothing has been heard of what the controller does.
+    pub(super) fn is_listening(&self) -> bool {
+        self.step == ConnectStep::Listening
+    }
+
     /// Whether a reset was sent and its start message has not come.
     pub(super) fn is_resetting(&self) -> bool {
         self.step == ConnectStep::AwaitingBanner
@@ -215,8 +220,17 @@ impl Connecting {
             }
             (_, 1..) => format!(
                 "the device that answers is not a grbl-class controller: {} lines such as {:?} in \
-                 {waited} s; check baud rate and port",
-                self.garbage, self.sample
+                 {waited} s; check {}",
+                self.garbage,
+                self.sample,
+                if context.config.is_networked {
+                    "host and port number"
+                } else {
+                    "baud rate and port"
+                }
+            ),
+            (ConnectStep::Listening, 0) if context.config.is_networked => format!(
+                "the connection is open and nothing answered within {waited} s; check the port number (a                  web server or TLS is silent too) and that no other client has the controller"
             ),
             (ConnectStep::Listening, 0) => {
                 format!("nothing answered within {waited} s; check port, cable and supply")

@@ -8,6 +8,7 @@ use super::output::LogLevel;
 use super::run::exit::RunVerdict;
 use super::{Driver, Phase};
 use crate::codes::{self, error_code};
+use crate::firmware::Firmware;
 use crate::link::{LinkEvent, LinkFault};
 use crate::report::{Message, is_lock_notice, was_a_banner};
 use std::time::Duration;
@@ -24,12 +25,7 @@ impl Driver {
                 self.on_answer(tag, error);
             }
             LinkEvent::Alarm(code) => self.on_alarm(code),
-            LinkEvent::Banner { firmware, text } => {
-                context.machine.on_restart(firmware);
-                context.machine.has_just_started = true;
-                context.drop_overrides("the controller has restarted");
-                self.on_banner(&text);
-            }
+            LinkEvent::Banner { firmware, text } => self.take_banner(firmware, &text),
             LinkEvent::Status { report, since } => self.take_report(*report, since),
             LinkEvent::Message(message) => self.on_message(message),
             LinkEvent::Setting { number, value } => context.machine.on_setting(number, &value),
@@ -125,6 +121,24 @@ impl Driver {
             None => job.place(),
         };
         self.end_run(RunVerdict::aborted(error_code::ALARM, format!("{text}, at {place}")), next);
+    }
+
+    /// A start message has come. The first in a session of a network is only a greeting: grblHAL
+    /// sends one to each, and no session outlives a restart. grbl 1.1 has no network, and so there
+    /// is a serial server before it, which may have reset it.
+    fn take_banner(&mut self, firmware: Firmware, text: &str) {
+        let context = &mut self.context;
+        context.machine.has_just_started = true;
+        let is_listening =
+            matches!(&self.phase, Phase::Connecting(connecting) if connecting.is_listening());
+        let is_greeter = firmware != Firmware::Grbl;
+        if context.config.is_networked && is_listening && is_greeter {
+            context.machine.firmware = firmware;
+            return context.log(LogLevel::Info, format!("the controller greets: {text}"));
+        }
+        context.machine.on_restart(firmware);
+        context.drop_overrides("the controller has restarted");
+        self.on_banner(text);
     }
 
     /// The controller has restarted.

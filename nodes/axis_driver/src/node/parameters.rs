@@ -3,6 +3,7 @@
 use crate::driver::{DriverConfig, OnCommanderLoss, OnPathDeviation, OnRosLoss};
 use crate::encoder::EncoderConfig;
 use crate::serial::{Reopen, SerialConfig};
+use crate::transport::address::is_networked;
 use runtime::parameters::{Declared, ParameterValue};
 use std::time::Duration;
 
@@ -19,8 +20,13 @@ pub(crate) fn declared() -> Vec<Declared> {
     let encoder = EncoderConfig::default();
     let integer = |value: u32| i64::from(value);
     vec![
-        Declared::new("port", "", "serial port, best a name below /dev/serial/by-id; empty: none"),
-        Declared::new("baud", integer(config.baud), "bits a second")
+        Declared::new(
+            "port",
+            "",
+            "serial port, best a name below /dev/serial/by-id, or tcp://host:23, ws://host:81, \
+             rfc2217://host:4000; empty: none",
+        ),
+        Declared::new("baud", integer(config.baud), "bits a second of a serial line")
             .integer_within(1_200, 4_000_000),
         Declared::new("dtr", "leave", "level of DTR after opening: leave, set or clear")
             .one_of(&["leave", "set", "clear"]),
@@ -215,6 +221,9 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
     };
     DriverConfig {
         baud: integer("baud", default.baud),
+        is_networked: matches!(
+            get("port"), ParameterValue::String(port) if is_networked(&port)
+        ),
         hold_latency_ms_max: integer("hold_latency_ms_max", default.hold_latency_ms_max),
         receive_buffer_bytes: match integer("receive_buffer_bytes", 0) {
             0 => None,

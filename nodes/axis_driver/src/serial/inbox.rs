@@ -1,9 +1,10 @@
-//! What comes to the owner from other threads: commands, a writer's failure, the end.
+//! What comes to the owner from other threads: commands, a cable that is open, a writer's failure, the end.
 //!
 //! The owner waits for this and for its port at once, so each push rings a bell that can
 //! be polled. Bytes from the controller do not come this way: the owner reads them itself.
 
 use crate::driver::Command;
+use crate::transport::Transport;
 use rustix::event::{EventfdFlags, eventfd};
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::collections::VecDeque;
@@ -33,10 +34,18 @@ pub(super) struct WriterFailed {
     pub(super) reason: String,
 }
 
+/// What became of a cable that was to be opened.
+#[derive(Debug)]
+pub(super) struct Opened {
+    pub(super) port: u64,
+    pub(super) result: Result<Box<dyn Transport>, String>,
+}
+
 /// All that has come in since the last time.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     pub(super) controls: VecDeque<Control>,
+    pub(super) opened: Option<Opened>,
     pub(super) failed: Option<WriterFailed>,
     pub(super) is_stopped: bool,
 }
@@ -70,6 +79,12 @@ impl Inbox {
 
     pub(super) fn push_failure(&self, failed: WriterFailed) {
         self.lock().failed = Some(failed);
+        self.ring();
+    }
+
+    /// One cable is opened at a time.
+    pub(super) fn push_opened(&self, opened: Opened) {
+        self.lock().opened = Some(opened);
         self.ring();
     }
 

@@ -1,6 +1,6 @@
 //! The thread that owns the driver.
 
-use super::inbox::{Batch, Control, Inbox, WriterFailed};
+use super::inbox::{Batch, Control, Inbox, Opened, WriterFailed};
 use super::outbox::{Event, Outbox};
 use super::{Reopen, SerialConfig};
 use crate::driver::{Command, Driver, Input, Output};
@@ -25,8 +25,12 @@ pub(super) struct Owner {
     port: Option<Box<dyn Transport>>,
     port_number: u64,
     last_reason: String,
-    /// Open again then, after this pause the next time.
-    reopen: Option<(Duration, Duration)>,
+    /// Whether a thread is opening a cable: a host that does not answer takes its time.
+    is_opening: bool,
+    /// Open again then.
+    reopen_at: Option<Duration>,
+    /// After this pause, the next time that a cable cannot be opened or has ended without a byte.
+    next_pause: Option<Duration>,
     wants_open: bool,
 }
 
@@ -48,7 +52,9 @@ impl Owner {
             port: None,
             port_number: 0,
             last_reason: String::new(),
-            reopen: None,
+            is_opening: false,
+            reopen_at: None,
+            next_pause: None,
             wants_open: false,
         }
     }
@@ -57,22 +63,19 @@ impl Owner {
         loop {
             self.outbox.turn();
             let has_bytes = self.wait();
-            let Batch { controls, failed, is_stopped } = self.inbox.take();
+            let Batch { controls, opened, failed, is_stopped } = self.inbox.take();
             for control in controls {
                 self.on_control(control);
+            }
+            if let Some(opened) = opened.filter(|_| !is_stopped) {
+                self.on_opened(opened);
             }
             if let Some(failed) = failed.filter(|failed| failed.port == self.port_number)
                 && self.port.is_some()
             {
                 self.lose_port(&failed.reason);
             }
-            if has_bytes && let Some(read) = self.port.as_ref().map(|port| port.read()) {
-                match read {
-                    Ok(bytes) if bytes.is_empty() => {}
-                    Ok(bytes) => self.handle(Input::Received(bytes)),
-                    Err(reason) => self.lose_port(&reason),
-                }
-            }
+            self.serve_port(has_bytes);
             if is_stopped {
                 self.port = None;
                 self.outbox.hand_out();
@@ -80,7 +83,7 @@ impl Owner {
                 return;
             }
             let now = self.epoch.elapsed();
-            if self.reopen.is_some_and(|(at, _)| now >= at) {
+            if self.reopen_at.is_some_and(|at| now >= at) {
                 self.open();
             }
             if self.driver.next_deadline().is_some_and(|deadline| now >= deadline) {
@@ -93,15 +96,32 @@ impl Owner {
         }
     }
 
+    /// Reads and writes what the port has and takes.
+    fn serve_port(&mut self, is_ready: bool) {
+        let Some(port) = &mut self.port else { return };
+        let is_ready = is_ready || port.has_unread();
+        let flushed = if port.has_unwritten() { port.flush() } else { Ok(()) };
+        let read = if is_ready { port.read() } else { Ok(Vec::new()) };
+        match flushed.and(read) {
+            Ok(bytes) if bytes.is_empty() => {}
+            Ok(bytes) => {
+                self.next_pause = None;
+                self.handle(Input::Received(bytes));
+            }
+            Err(reason) => self.lose_port(&reason),
+        }
+    }
+
     /// Waits for bytes, for the inbox or for the time; whether the port has something to say.
     ///
     /// The thread that owns the driver reads by itself: an answer that has to wake one thread
     /// to be read and another to be understood waits for a processor twice.
     fn wait(&self) -> bool {
         let mut fds = vec![PollFd::from_borrowed_fd(self.inbox.bell(), PollFlags::IN)];
-        fds.extend(
-            self.port.as_ref().map(|port| PollFd::from_borrowed_fd(port.as_fd(), PollFlags::IN)),
-        );
+        fds.extend(self.port.as_ref().map(|port| {
+            let writes = if port.has_unwritten() { PollFlags::OUT } else { PollFlags::empty() };
+            PollFd::from_borrowed_fd(port.as_fd(), PollFlags::IN | writes)
+        }));
         let timeout = Timespec::try_from(self.patience()).ok();
         match poll(&mut fds, timeout.as_ref()) {
             Ok(_) => fds.get(1).is_some_and(|port| !port.revents().is_empty()),
@@ -111,9 +131,11 @@ impl Owner {
     }
 
     fn patience(&self) -> Duration {
+        if self.port.as_ref().is_some_and(|port| port.has_unread()) {
+            return Duration::ZERO;
+        }
         let now = self.epoch.elapsed();
-        let reopen = self.reopen.map(|(at, _)| at);
-        let deadlines = [self.driver.next_deadline(), reopen, self.outbox.due()];
+        let deadlines = [self.driver.next_deadline(), self.reopen_at, self.outbox.due()];
         let next = deadlines.into_iter().flatten().min();
         let next = next.map_or(SLEEP_MAX, |deadline| deadline.saturating_sub(now));
         let most = if self.outbox.is_waiting() { SLOW_CONSUMER } else { SLEEP_MAX };
@@ -126,13 +148,13 @@ impl Owner {
                 self.wants_open = true;
                 self.last_reason.clear();
                 if self.port.is_none() {
-                    self.reopen = None;
+                    self.next_pause = None;
                     self.open();
                 }
             }
             Control::Close => {
                 let was_wanted = std::mem::take(&mut self.wants_open);
-                self.reopen = None;
+                self.reopen_at = None;
                 // A port that was tried in vain is not tried any more.
                 if self.port.take().is_some() || was_wanted {
                     self.report_closed("closed as asked".into());
@@ -142,14 +164,38 @@ impl Owner {
         }
     }
 
+    /// Has the cable opened by a thread of its own, unless one is at it: the driver has its turn
+    /// meanwhile.
     fn open(&mut self) {
+        self.reopen_at = None;
+        if std::mem::replace(&mut self.is_opening, true) {
+            return;
+        }
         self.port_number += 1;
-        let (inbox, port) = (Arc::clone(&self.inbox), self.port_number);
-        let on_failure = move |reason| inbox.push_failure(WriterFailed { port, reason });
-        match transport::open(&self.config, Box::new(on_failure)) {
+        let (inbox, port, config) =
+            (Arc::clone(&self.inbox), self.port_number, self.config.clone());
+        let opener = std::thread::Builder::new().name("axis-driver-open".into()).spawn(move || {
+            let failures = Arc::clone(&inbox);
+            let on_failure = move |reason| failures.push_failure(WriterFailed { port, reason });
+            let result = transport::open(&config, Box::new(on_failure));
+            inbox.push_opened(Opened { port, result });
+        });
+        if let Err(error) = opener {
+            let result = Err(format!("cannot start axis-driver-open: {error}"));
+            self.on_opened(Opened { port, result });
+        }
+    }
+
+    fn on_opened(&mut self, opened: Opened) {
+        self.is_opening = false;
+        if !self.wants_open {
+            // It was closed meanwhile.
+            return;
+        }
+        debug_assert_eq!(opened.port, self.port_number);
+        match opened.result {
             Ok(port) => {
                 self.port = Some(port);
-                self.reopen = None;
                 self.last_reason.clear();
                 self.handle(Input::PortOpened);
             }
@@ -161,21 +207,21 @@ impl Owner {
     }
 
     fn lose_port(&mut self, reason: &str) {
-        self.port = None;
+        if let Some(mut port) = self.port.take() {
+            port.abandon();
+        }
         self.schedule_reopen();
         self.report_closed(format!("{}: {reason}", self.config.path));
     }
 
     fn schedule_reopen(&mut self) {
-        let Reopen::Backoff { first, most } = self.config.reopen else {
-            self.reopen = None;
-            return;
-        };
+        let Reopen::Backoff { first, most } = self.config.reopen else { return };
         if !self.wants_open {
             return;
         }
-        let pause = self.reopen.map_or(first, |(_, next)| next);
-        self.reopen = Some((self.epoch.elapsed() + pause, (pause * 2).min(most)));
+        let pause = self.next_pause.unwrap_or(first);
+        self.reopen_at = Some(self.epoch.elapsed() + pause);
+        self.next_pause = Some((pause * 2).min(most));
     }
 
     /// Reports each reason to the driver once.
@@ -207,7 +253,7 @@ impl Owner {
             match output {
                 Output::Transmit(bytes) => {
                     entries.push(self.journal.transmitted(now, &bytes));
-                    let port = self.port.as_ref();
+                    let port = self.port.as_mut();
                     if let Some(Err(reason)) = port.map(|port| port.write(bytes)) {
                         failure = Some(reason);
                     }
@@ -227,7 +273,7 @@ impl Owner {
             self.lose_port(&reason);
         } else if is_over {
             self.wants_open = false;
-            self.reopen = None;
+            self.reopen_at = None;
             if self.port.take().is_some() {
                 self.report_closed("closed: the driver was shut down".into());
             }

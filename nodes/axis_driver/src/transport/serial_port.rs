@@ -39,11 +39,13 @@ pub(super) struct Port {
 impl Port {
     /// Opens the port for this process alone, 8N1, raw, without flow control, and starts
     /// its writer. The error is for people.
-    pub(super) fn open(config: &SerialConfig, on_failure: OnFailure) -> Result<Self, String> {
-        let problem =
-            |error: &dyn std::fmt::Display| format!("cannot open {}: {error}", config.path);
-        let (port, at_once) = open_tty(config).map_err(|error| problem(&error))?;
-        let mut writer = port.try_clone_native().map_err(|error| problem(&error))?;
+    pub(super) fn open(
+        config: &SerialConfig,
+        path: &str,
+        on_failure: OnFailure,
+    ) -> Result<Self, String> {
+        let (port, at_once) = open_tty(config, path).map_err(|error| error.to_string())?;
+        let mut writer = port.try_clone_native().map_err(|error| error.to_string())?;
         // What came before belongs to nobody. A pseudo-terminal may not know this.
         let _ = port.clear(ClearBuffer::All);
         let (writes, wanted) = sync_channel(WRITES_MAX);
@@ -60,7 +62,7 @@ impl Port {
 }
 
 impl Transport for Port {
-    fn read(&self) -> Result<Vec<u8>, String> {
+    fn read(&mut self) -> Result<Vec<u8>, String> {
         let mut bytes = vec![0; READ_BYTES_MAX];
         match rustix::io::read(&self.at_once, &mut bytes) {
             Ok(0) => Err("unplugged: the port has ended".into()),
@@ -73,7 +75,7 @@ impl Transport for Port {
         }
     }
 
-    fn write(&self, mut bytes: Vec<u8>) -> Result<(), String> {
+    fn write(&mut self, mut bytes: Vec<u8>) -> Result<(), String> {
         // After what waits already, or they would overtake it. A thread less to wake is a
         // thread less that has to wait for a processor.
         if self.waiting.load(Ordering::Acquire) == 0 {
@@ -118,11 +120,11 @@ impl Drop for Port {
 }
 
 /// Opens the port twice; who writes to the second one never waits.
-fn open_tty(config: &SerialConfig) -> serialport::Result<(TTYPort, OwnedFd)> {
+fn open_tty(config: &SerialConfig, path: &str) -> serialport::Result<(TTYPort, OwnedFd)> {
     // With HUPCL the last close drops DTR, and the next open resets the board. This
     // descriptor is there before the real one is, so that there is no close between.
     let at_once = rustix::fs::open(
-        &config.path,
+        path,
         OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC,
         Mode::empty(),
     )
@@ -132,7 +134,7 @@ fn open_tty(config: &SerialConfig) -> serialport::Result<(TTYPort, OwnedFd)> {
         // A device without modem lines has nothing to keep.
         let _ = tcsetattr(&at_once, OptionalActions::Now, &termios);
     }
-    let mut port = serialport::new(&config.path, config.driver.baud)
+    let mut port = serialport::new(path, config.driver.baud)
         .data_bits(DataBits::Eight)
         .parity(Parity::None)
         .stop_bits(StopBits::One)
@@ -142,7 +144,7 @@ fn open_tty(config: &SerialConfig) -> serialport::Result<(TTYPort, OwnedFd)> {
     // A pseudo-terminal stays exclusive when the process that opened it is killed, as long as its
     // other side is open: the next driver could not have it. The lock of the file goes with the
     // process.
-    if std::fs::canonicalize(&config.path).is_ok_and(|path| path.starts_with("/dev/pts")) {
+    if std::fs::canonicalize(path).is_ok_and(|path| path.starts_with("/dev/pts")) {
         let _ = rustix::termios::ioctl_tiocnxcl(&at_once);
     }
     // A pseudo-terminal has no such lines and says so; that is no obstacle.

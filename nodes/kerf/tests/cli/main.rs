@@ -154,6 +154,10 @@ fn unreadable_files_and_wrong_arguments_end_with_2() {
         (&["up", "--config", "no.yaml"], &["cannot read no.yaml: No such file"]),
         (&["up", "--time-factor", "2"], &["--virtual-controller"]),
         (&["up", "--virtual-controller", "--time-factor", "0"], &["from 0.001 to 10000"]),
+        (&["up", "--listen", "tcp://127.0.0.1:7023"], &["--virtual-controller"]),
+        (&["up", "--virtual-controller", "--listen", "tcp://127.0.0.1:0"], &["names no port"]),
+        (&["up", "--virtual-controller", "--listen", "wss://127.0.0.1:1"], &["is not served"]),
+        (&["node", "virtual_controller", "--keep-session", "3"], &["--listen"]),
         (&["load", "none.ngc"], &["cannot read none.ngc: No such file"]),
         (&["run", "--control", "masso"], &["<FILE>"]),
     ];

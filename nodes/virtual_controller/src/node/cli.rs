@@ -5,15 +5,17 @@ use std::ffi::OsString;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::Parser;
 
+use super::listen::{Listen, Protocol};
 use super::serve::{ServeOptions, eprint, serve};
 use super::stop::{StopHandle, stop_pair};
 use crate::scenario::{COORDINATE_MM_MAX, RECEIVE_BUFFER_BYTES, TIME_FACTORS};
 use crate::{Fault, Firmware, Machine, Scenario, Settings, Vector};
 
-/// A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal.
+/// A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal or a network port.
 ///
 /// Prints the path of its port as the first line, and another path whenever a fault moves the
 /// port there. Runs until SIGTERM or SIGINT. It is not hardware, and no part of it is a safety
@@ -54,7 +56,8 @@ struct Arguments {
     /// Includes mist coolant: M7.
     #[arg(long)]
     mist: bool,
-    /// Bits per second, ten to a byte, in both directions; 0: no delay [default: 115200]
+    /// Bits per second, ten to a byte, in both directions; 0: no delay [default: 115200; 0 with
+    /// --listen tcp:// and ws://]
     #[arg(long)]
     baud: Option<u32>,
     /// Runs the machine this many times faster than real time [default: 1]
@@ -66,6 +69,14 @@ struct Arguments {
     /// A symbolic link to the port, removed at the end.
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
+    /// Listens on a network in place of a pseudo-terminal: tcp://127.0.0.1:7023, ws://127.0.0.1:7081
+    /// or rfc2217://127.0.0.1:7217. One client at a time; another is refused.
+    #[arg(long, value_name = "URL", conflicts_with_all = ["link", "resets_on_open"])]
+    listen: Option<Listen>,
+    /// With --listen: a session goes on for so long after its client has left, as on boards that do
+    /// not notice a lost one.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "listen")]
+    keep_session: Option<Duration>,
     /// A fault: ACTION[:ARGUMENT]@TRIGGER=VALUE; may be repeated.
     ///
     /// Actions: rx-drop, rx-duplicate, rx-corrupt, rx-digit (bytes to the controller), tx-drop,
@@ -164,6 +175,8 @@ fn options(arguments: Arguments) -> Result<ServeOptions, String> {
         parent_pid: arguments.parent_pid,
         report: arguments.report,
         resets_on_open: scenario.resets_on_open,
+        listen: arguments.listen,
+        keeps_session: arguments.keep_session.unwrap_or_default(),
         ..ServeOptions::new(build)
     })
 }
@@ -184,6 +197,10 @@ fn override_with(scenario: &mut Scenario, arguments: &Arguments) {
     scenario.line_numbers |= arguments.line_numbers;
     scenario.mist |= arguments.mist;
     scenario.baud = arguments.baud.or(scenario.baud);
+    // A network has no baud rate; a gateway has one.
+    if arguments.listen.is_some_and(|listen| listen.protocol != Protocol::Rfc2217) {
+        scenario.baud = scenario.baud.or(Some(0));
+    }
     scenario.time_factor = arguments.time_factor.or(scenario.time_factor);
     scenario.fast_bytes |= arguments.fast_bytes;
     scenario.resets_on_open |= arguments.resets_on_open;
@@ -211,6 +228,13 @@ fn buffer_bytes(text: &str) -> Result<usize, String> {
     value
         .filter(|bytes| RECEIVE_BUFFER_BYTES.contains(bytes))
         .ok_or_else(|| format!("`{text}` is not a number of bytes from 16 to 65536"))
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let value = text.parse().ok().filter(|seconds| (0.0..=86_400.0).contains(seconds));
+    value
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| format!("`{text}` is not a number of seconds from 0 to 86400"))
 }
 
 fn number(text: &str) -> Result<f64, String> {

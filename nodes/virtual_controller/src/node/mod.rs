@@ -1,10 +1,14 @@
-//! The shell: a pseudo-terminal, the clock, the command line.
+//! The shell: a pseudo-terminal or a network port, the clock, the command line.
 //!
 //! The only module here that touches files, time and signals. It decides nothing about the
 //! controller.
 
 mod cli;
+mod client;
 mod device;
+mod gateway;
+mod listen;
+mod network;
 mod opens;
 mod port;
 mod pty;
@@ -13,6 +17,7 @@ mod serve;
 mod stop;
 
 pub use cli::cli;
-pub use device::serve_device;
+pub use device::{serve_device, serve_device_on};
+pub use listen::{Listen, Protocol};
 pub use serve::{ServeError, ServeOptions, serve};
 pub use stop::{Stop, StopHandle, stop_pair};

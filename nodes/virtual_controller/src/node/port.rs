@@ -1,14 +1,136 @@
-//! The port that peers see: a pseudo-terminal and a link to it, while the cable is plugged in.
+//! The port that peers see while the cable is plugged in: a pseudo-terminal and a link to it, or a
+//! network port.
 
-use std::path::{Path, PathBuf};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::path::PathBuf;
+use std::time::Duration;
 
+use rustix::event::PollFlags;
+
+use super::client::Greeting;
+use super::listen::Listen;
+use super::network::NetworkPort;
 use super::opens::Opens;
 use super::pty::{Link, Pty};
 use super::serve::ServeError;
 
-/// A port that may vanish and come back as another device.
+/// How peers reach a device.
+#[derive(Debug, Clone)]
+pub(super) enum Way {
+    /// A pseudo-terminal, with a link to it if one is named.
+    Terminal { link: Option<PathBuf>, resets_on_open: bool },
+    /// A network port. A session outlives its client by `keeps_session`.
+    Network { listen: Listen, keeps_session: Duration, greeting: Greeting },
+}
+
+/// A port that may vanish and come back.
 #[derive(Debug)]
-pub(super) struct Port {
+pub(super) enum Port {
+    Terminal(TerminalPort),
+    Network(NetworkPort),
+}
+
+impl Port {
+    pub(super) fn open(way: Way) -> Result<Self, ServeError> {
+        Ok(match way {
+            Way::Terminal { link, resets_on_open } => {
+                Self::Terminal(TerminalPort::open(link, resets_on_open)?)
+            }
+            Way::Network { listen, keeps_session, greeting } => {
+                Self::Network(NetworkPort::open(listen, keeps_session, greeting)?)
+            }
+        })
+    }
+
+    /// The path or the URL that peers open, while the cable is plugged in.
+    pub(super) fn path(&self) -> Option<PathBuf> {
+        match self {
+            Self::Terminal(port) => port.pty().map(|pty| pty.path().to_path_buf()),
+            Self::Network(port) => Some(port.listen().to_string().into()),
+        }
+    }
+
+    /// Checks for openings and closings, or new clients; returns whether they reset the board.
+    pub(super) fn look(&mut self) -> std::io::Result<bool> {
+        match self {
+            Self::Terminal(port) => port.look(),
+            Self::Network(port) => port.look().map(|()| false),
+        }
+    }
+
+    /// Hangs up on the peer and removes the link.
+    pub(super) fn pull(&mut self) -> Result<(), ServeError> {
+        match self {
+            Self::Terminal(port) => port.pull(),
+            Self::Network(port) => {
+                port.pull();
+                Ok(())
+            }
+        }
+    }
+
+    /// Plugs the cable in; returns whether it was out before.
+    pub(super) fn plug(&mut self) -> Result<bool, ServeError> {
+        match self {
+            Self::Terminal(port) => port.plug(),
+            Self::Network(port) => port.plug(),
+        }
+    }
+
+    /// Reads what the peer has sent; no bytes are no error.
+    pub(super) fn read(&mut self) -> std::io::Result<Vec<u8>> {
+        match self {
+            Self::Terminal(port) => {
+                let Some(pty) = port.pty() else { return Ok(Vec::new()) };
+                let mut buffer = [0; 1024];
+                let count = pty.read(&mut buffer)?;
+                Ok(buffer[..count].to_vec())
+            }
+            Self::Network(port) => Ok(port.read()),
+        }
+    }
+
+    /// Writes what fits, and takes that off; what a peer does not read waits, up to a limit.
+    pub(super) fn write(&mut self, bytes: &mut Vec<u8>, unread_max: usize) -> std::io::Result<()> {
+        match self {
+            Self::Terminal(port) => {
+                let Some(pty) = port.pty() else { return Ok(()) };
+                while !bytes.is_empty() {
+                    let count = pty.write(bytes)?;
+                    if count == 0 {
+                        break;
+                    }
+                    bytes.drain(..count);
+                }
+                bytes.truncate(unread_max);
+            }
+            Self::Network(port) => port.write(&std::mem::take(bytes)),
+        }
+        Ok(())
+    }
+
+    /// What to wait for: the peer first, then openings or new clients, which come before its bytes.
+    pub(super) fn waits_for(
+        &self,
+        reads: bool,
+        has_unread: bool,
+    ) -> [Option<(BorrowedFd<'_>, PollFlags)>; 2] {
+        match self {
+            Self::Terminal(port) => {
+                let mut flags = PollFlags::empty();
+                flags.set(PollFlags::IN, reads);
+                flags.set(PollFlags::OUT, has_unread);
+                let pty = port.pty().map(|pty| (pty.as_fd(), flags));
+                [pty, port.opens().map(|opens| (opens.as_fd(), PollFlags::IN))]
+            }
+            Self::Network(port) => port.waits_for(reads),
+        }
+    }
+}
+
+/// A pseudo-terminal that may vanish and come back as another device.
+#[derive(Debug)]
+pub(super) struct TerminalPort {
     link: Option<PathBuf>,
     resets_on_open: bool,
     plugged: Option<Plugged>,
@@ -23,7 +145,7 @@ struct Plugged {
     _link: Option<Link>,
 }
 
-impl Port {
+impl TerminalPort {
     /// Opens a port, with a link if `link` is given.
     pub(super) fn open(link: Option<PathBuf>, resets_on_open: bool) -> Result<Self, ServeError> {
         let next = Some(Pty::open().map_err(ServeError::Pty)?);
@@ -50,11 +172,6 @@ impl Port {
             pty.share_again();
         }
         Ok(seen.has_dtr_risen && self.resets_on_open)
-    }
-
-    /// The path that peers open, while the cable is plugged in.
-    pub(super) fn path(&self) -> Option<&Path> {
-        self.pty().map(Pty::path)
     }
 
     /// Hangs up on the peer and removes the link.

@@ -1,4 +1,4 @@
-//! Runs a controller on a pseudo-terminal until it is stopped: one thread, one poll.
+//! Runs a controller on a pseudo-terminal or a network port until it is stopped: one thread, one poll.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
-use super::port::Port;
+use super::client::Greeting;
+use super::listen::Listen;
+use super::port::{Port, Way};
 use super::report;
 use super::stop::Stop;
 use crate::paced::{LineTiming, PacedLine};
@@ -41,6 +43,10 @@ pub struct ServeOptions {
     pub parent_pid: Option<i32>,
     /// Does the board reset when the port is opened, as Arduino boards do?
     pub resets_on_open: bool,
+    /// A network port in place of a pseudo-terminal.
+    pub listen: Option<Listen>,
+    /// How long a session on that port outlives its client, as on boards that notice no lost one.
+    pub keeps_session: Duration,
     /// Path of the JSON file with the counts, written at the end.
     pub report: Option<PathBuf>,
 }
@@ -57,6 +63,8 @@ impl ServeOptions {
             watches_stdin: false,
             parent_pid: None,
             resets_on_open: false,
+            listen: None,
+            keeps_session: Duration::ZERO,
             report: None,
         }
     }
@@ -73,6 +81,14 @@ pub enum ServeError {
     Link {
         /// Path of the link.
         path: PathBuf,
+        /// The error.
+        source: io::Error,
+    },
+    /// The network port cannot be opened.
+    #[error("cannot listen on {listen}: {source}; choose another port number")]
+    Listen {
+        /// Where.
+        listen: Listen,
         /// The error.
         source: io::Error,
     },
@@ -110,12 +126,19 @@ pub fn serve(
         // Check now: a run of an hour must not fail at its end because the folder does not exist.
         report::check(path).map_err(|source| ServeError::Report { path: path.clone(), source })?;
     }
-    let port = Port::open(options.link, options.resets_on_open)?;
+    let port = Port::open(match options.listen {
+        None => Way::Terminal { link: options.link, resets_on_open: options.resets_on_open },
+        Some(listen) => Way::Network {
+            listen,
+            keeps_session: options.keeps_session,
+            greeting: Greeting::of(options.build.settings.firmware()),
+        },
+    })?;
     let parent = options.parent_pid.map(watch).transpose()?;
     let controller = Controller::with_build(options.build);
     let injector = FaultInjector::new(controller, options.faults, options.seed);
     let line = PacedLine::new(injector, options.timing);
-    port.path().map_or(Ok(()), &mut ready)?;
+    port.path().map_or(Ok(()), |path| ready(&path))?;
     let mut server = Server {
         port,
         pulls: 0,
@@ -168,7 +191,7 @@ impl Server {
             let now = self.started.elapsed();
             self.line.advance(now);
             self.line.transmit(now, &mut self.unread);
-            self.flush()?;
+            self.port.write(&mut self.unread, UNREAD_BYTES_MAX)?;
             if self.line.device().is_closed() {
                 return Ok(());
             }
@@ -178,25 +201,19 @@ impl Server {
                 self.line.device_mut().reset_board(device_now, BOOTLOADER);
             }
 
-            let mut pty_events = PollFlags::empty();
-            if self.line.backlog() < BACKLOG_BYTES_MAX {
-                pty_events |= PollFlags::IN;
-            }
-            if !self.unread.is_empty() {
-                pty_events |= PollFlags::OUT;
-            }
             let mut fds = vec![PollFd::from_borrowed_fd(stop.as_fd(), PollFlags::IN)];
             fds.extend(self.parent.as_ref().map(|fd| PollFd::new(fd, PollFlags::IN)));
             let stdin_at = fds.len();
             if self.watches_stdin {
                 fds.push(PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN));
             }
-            let pty_at = fds.len();
-            fds.extend(
-                self.port.pty().map(|pty| PollFd::from_borrowed_fd(pty.as_fd(), pty_events)),
-            );
+            let reads = self.line.backlog() < BACKLOG_BYTES_MAX;
+            let [peer, opens] = self.port.waits_for(reads, !self.unread.is_empty());
+            let poll_fd = |(fd, events)| PollFd::from_borrowed_fd(fd, events);
+            let (peer_at, has_peer) = (fds.len(), peer.is_some());
+            fds.extend(peer.map(poll_fd));
             let opens_at = fds.len();
-            fds.extend(self.port.opens().map(|opens| PollFd::new(opens, PollFlags::IN)));
+            fds.extend(opens.map(poll_fd));
             let timeout = self.line.next_event().map(|at| timespec(at.saturating_sub(now)));
             match poll(&mut fds, timeout.as_ref()) {
                 Ok(_) | Err(rustix::io::Errno::INTR) => {}
@@ -205,19 +222,15 @@ impl Server {
             let is_ready = |at: usize| fds.get(at).is_some_and(|fd| !fd.revents().is_empty());
             let is_over = (0..stdin_at).any(is_ready);
             // An opening of the port comes before the bytes that are sent through it.
-            let has_bytes = is_ready(pty_at) && !is_ready(opens_at);
+            let has_bytes = has_peer && is_ready(peer_at) && !is_ready(opens_at);
             let has_typed = self.watches_stdin && is_ready(stdin_at);
             drop(fds);
             if is_over {
                 return Ok(());
             }
-            if has_bytes
-                && self.line.backlog() < BACKLOG_BYTES_MAX
-                && let Some(pty) = self.port.pty()
-            {
-                let mut buffer = [0; 1024];
-                let count = pty.read(&mut buffer)?;
-                self.line.receive(self.started.elapsed(), &buffer[..count]);
+            if has_bytes && reads {
+                let bytes = self.port.read()?;
+                self.line.receive(self.started.elapsed(), &bytes);
             }
             if has_typed && !self.take_typed(&stdin)? {
                 return Ok(());
@@ -237,22 +250,8 @@ impl Server {
             self.port.pull()?;
         }
         if self.line.device().is_plugged() && self.port.plug()? {
-            self.port.path().map_or(Ok(()), ready)?;
+            self.port.path().map_or(Ok(()), |path| ready(&path))?;
         }
-        Ok(())
-    }
-
-    /// Writes what the peer reads; drops bytes that no peer reads.
-    fn flush(&mut self) -> io::Result<()> {
-        let Some(pty) = self.port.pty() else { return Ok(()) };
-        while !self.unread.is_empty() {
-            let count = pty.write(&self.unread)?;
-            if count == 0 {
-                break;
-            }
-            self.unread.drain(..count);
-        }
-        self.unread.truncate(UNREAD_BYTES_MAX);
         Ok(())
     }
 

@@ -11,8 +11,12 @@ use std::time::Duration;
 /// The parameters of a driver.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriverConfig {
-    /// Bits per second.
+    /// Bits per second, of a serial line.
     pub baud: u32,
+    /// Whether bytes travel over a network all the way to the board: no baud rate bounds what is
+    /// under way, and a session that is opened restarts nothing.
+    #[serde(default)]
+    pub is_networked: bool,
     /// The longest that a feed hold may wait for what is already under way, ms.
     pub hold_latency_ms_max: u32,
     /// The size of the controller's receive buffer, bytes; the reported size counts if it is
@@ -82,6 +86,7 @@ impl Default for DriverConfig {
     fn default() -> Self {
         Self {
             baud: 115_200,
+            is_networked: false,
             hold_latency_ms_max: 20,
             receive_buffer_bytes: None,
             poll_interval_ms: 200,
@@ -106,7 +111,7 @@ impl Default for DriverConfig {
 impl DriverConfig {
     pub(in crate::driver) fn link(&self) -> LinkConfig {
         LinkConfig {
-            baud: self.baud,
+            baud: if self.is_networked { NETWORK_BITS_PER_SECOND } else { self.baud },
             hold_latency_ms_max: self.hold_latency_ms_max,
             receive_buffer_bytes: self.receive_buffer_bytes,
             poll_interval_ms: self.poll_interval_ms,
@@ -116,6 +121,10 @@ impl DriverConfig {
         }
     }
 }
+
+/// What the slowest network of a board carries, a busy Wi-Fi. Its receive buffer is what bounds the
+/// bytes under way then: a board takes real-time bytes out as they arrive.
+const NETWORK_BITS_PER_SECOND: u32 = 2_000_000;
 
 /// How far the tool may be from where the run stopped for a tool change, mm: steps, and
 /// three decimals.

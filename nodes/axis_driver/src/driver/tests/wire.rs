@@ -77,6 +77,70 @@ fn a_port_that_answers_garbage_is_named_and_unknown() {
     assert!(state.reason.contains("check baud rate"), "{}", state.reason);
 }
 
+/// What grblHAL sends to each session.
+const GREETING: &[u8] = b"\r\nGrblHAL 1.1f ['$' or '$HELP' for help]\r\n";
+
+#[test]
+fn a_greeting_over_a_network_is_no_restart_and_a_moving_machine_is_held_not_reset() {
+    let networked = DriverConfig { is_networked: true, ..DriverConfig::default() };
+    let mut first = Bench::running(straight(40));
+    let mut second = Bench::new(networked);
+    second.firmware = std::mem::take(&mut first.firmware);
+    second.now = first.now;
+    // It is sent when the session begins, before any question is read.
+    second.firmware.raw(GREETING);
+    second.firmware.raw(b"[MSG:'$H'|'$X' to unlock]\r\n");
+    second.handle(Input::PortOpened);
+    second.until("a hold", |bench| bench.mode() == Mode::Hold);
+    assert_eq!(second.sent_count(0x18), 0, "it moves");
+    assert!(second.state().reason.starts_with("DRIVER_RESTARTED"), "{}", second.state().reason);
+    assert!(second.log.contains("the controller greets: GrblHAL 1.1f"), "{}", second.log);
+}
+
+#[test]
+fn after_a_greeting_over_a_network_a_standing_controller_is_reset_once() {
+    let mut bench = Bench::new(DriverConfig { is_networked: true, ..DriverConfig::default() });
+    bench.firmware.raw(GREETING);
+    bench.handle(Input::PortOpened);
+    bench.until("idle", |bench| bench.mode() == Mode::Idle);
+    let lines: Vec<u8> = bench.sent.iter().copied().filter(|byte| *byte != b'?').collect();
+    assert_eq!(lines, b"\x18$I\n$$\n$G\n$#\n");
+    assert!(!bench.log.contains("restarted when its port was opened"), "{}", bench.log);
+}
+
+#[test]
+fn grbl_behind_a_serial_server_has_restarted_when_it_says_so() {
+    let mut bench = Bench::new(DriverConfig { is_networked: true, ..DriverConfig::default() });
+    bench.firmware.raw(BANNER.as_bytes());
+    bench.handle(Input::PortOpened);
+    bench.wait(1000);
+    assert!(bench.log.contains("restarted when its port was opened"), "{}", bench.log);
+}
+
+#[test]
+fn a_network_says_what_to_check_there() {
+    let networked = DriverConfig { is_networked: true, ..DriverConfig::default() };
+    for (noise, wanted) in [(&b""[..], "that no other client has"), (b"hello\r\n", "check host")] {
+        let mut bench = Bench::new(networked.clone());
+        bench.firmware.is_dead = true;
+        bench.handle(Input::PortOpened);
+        bench.firmware.raw(noise);
+        bench.wait(3000);
+        assert!(bench.state().reason.contains(wanted), "{}", bench.state().reason);
+    }
+}
+
+#[test]
+fn a_network_has_no_baud_rate_that_bounds_what_is_under_way() {
+    for (is_networked, wanted) in [(false, "at most 19 bytes"), (true, "at most 127 bytes")] {
+        let mut bench =
+            Bench::new(DriverConfig { is_networked, baud: 9600, ..DriverConfig::default() });
+        bench.handle(Input::PortOpened);
+        bench.until("idle", |bench| bench.mode() == Mode::Idle);
+        assert!(bench.log.contains(wanted), "{}", bench.log);
+    }
+}
+
 #[test]
 fn inch_reports_are_understood_from_the_first_position_on() {
     let mut bench = Bench::new(DriverConfig::default());
