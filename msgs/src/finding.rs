@@ -153,6 +153,20 @@ pub enum Code {
     ///
     /// Cancel with G40 and a lead-off, then select again with a lead-on.
     SideChange,
+    /// The program leaves the travel of the machine, or is longer than the travel.
+    ///
+    /// Move the work zero as the help line says. A program that is longer than the travel must be
+    /// split. If the travel is wrong, correct `$130` to `$132` in the controller.
+    Travel,
+    /// The tool touches a keep-out box: a clamp, a vice or a fixture.
+    ///
+    /// Move the clamp and its box, lift the tool above it, or lead around it.
+    KeepOut,
+    /// The settings of the controller change what the program asks for: a spindle speed or a feed is
+    /// limited, or laser mode does not fit the program.
+    ///
+    /// Check the value in the program, and the setting that the message names.
+    MachineSetting,
     /// A run cannot start at this line: it is after the last block, or inside a compensated contour,
     /// where the control does not start.
     ///
@@ -177,7 +191,7 @@ pub enum Code {
 
 impl Code {
     /// Every code, in the order of declaration.
-    pub const ALL: [Self; 34] = [
+    pub const ALL: [Self; 37] = [
         Self::Syntax,
         Self::UnknownWord,
         Self::ModalConflict,
@@ -208,6 +222,9 @@ impl Code {
         Self::LinkGouge,
         Self::Uncut,
         Self::SideChange,
+        Self::Travel,
+        Self::KeepOut,
+        Self::MachineSetting,
         Self::Restart,
         Self::SuspiciousValue,
         Self::PathMismatch,
@@ -247,6 +264,9 @@ impl Code {
             Self::LinkGouge => "link_gouge",
             Self::Uncut => "uncut",
             Self::SideChange => "side_change",
+            Self::Travel => "travel",
+            Self::KeepOut => "keep_out",
+            Self::MachineSetting => "machine_setting",
             Self::Restart => "restart",
             Self::SuspiciousValue => "suspicious_value",
             Self::PathMismatch => "path_mismatch",

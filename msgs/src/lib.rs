@@ -1,7 +1,7 @@
 //! What travels between Kerf's nodes.
 //!
 //! The checked types of the field come first: [`contour`], [`path`],
-//! [`machine`], [`finding`], [`tool_table`], [`profile`]. Cores use these
+//! [`machine`], [`finding`], [`tool_table`], [`profile`], [`keep_out`]. Cores use these
 //! and nothing else; they are in millimetres, as part programs are.
 //!
 //! [`wire`] has the structs that ROS 2 sends, in SI units, generated from the
@@ -17,7 +17,9 @@ pub mod convert;
 pub mod finding;
 pub mod geometry;
 pub mod interface;
+pub mod keep_out;
 pub mod machine;
+pub mod machine_file;
 pub mod numbers;
 pub mod path;
 pub mod profile;

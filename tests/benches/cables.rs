@@ -120,6 +120,7 @@ impl Line {
             start_line: 0,
             in_span: Default::default(),
             check_only: false,
+            tool_diameters_mm: Default::default(),
         };
         line.command(Command::RunProgram(request));
         line.until(Mode::Run);

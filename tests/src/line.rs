@@ -47,6 +47,8 @@ pub struct Line {
     /// What the driver wrote, with the time it wrote it.
     pub written: Vec<(Duration, Vec<u8>)>,
     pub log: Vec<String>,
+    /// The time that was left of the run, s, and when that was said.
+    pub time_left: Option<(Duration, f64)>,
     keeps_written: bool,
     /// A feed hold was written since somebody asked.
     has_held: bool,
@@ -73,6 +75,7 @@ impl Line {
             settings: None,
             written: Vec::new(),
             log: Vec::new(),
+            time_left: None,
             keeps_written: true,
             has_held: false,
             wrote_at: Duration::ZERO,
@@ -126,7 +129,10 @@ impl Line {
                     }
                     self.states.push((self.now, state));
                 }
-                Output::Progress { .. } | Output::ReadyToClose => {}
+                Output::Progress { time_left_s, .. } => {
+                    self.time_left = Some((self.now, time_left_s));
+                }
+                Output::ReadyToClose => {}
             }
         }
     }
@@ -261,6 +267,7 @@ impl Line {
             start_line,
             in_span: Default::default(),
             check_only: false,
+            tool_diameters_mm: Default::default(),
         };
         self.finished = None;
         self.ask(Command::RunProgram(request)).expect("the run is accepted");

@@ -256,6 +256,7 @@ fn check_mode_reads_every_line_moves_nothing_and_ends_in_a_reset() {
                 start_line: 0,
                 in_span: Default::default(),
                 check_only: true,
+                tool_diameters_mm: Default::default(),
             })
         };
         let mut line = Line::new(config.clone(), build(firmware), &[]);

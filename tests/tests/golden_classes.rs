@@ -20,7 +20,11 @@ use settings::Control;
 use std::collections::BTreeSet;
 
 /// Codes that no program alone brings about.
-const NOT_OF_A_PROGRAM: [Code; 3] = [
+const NOT_OF_A_PROGRAM: [Code; 6] = [
+    // Of the machine that a program is to run on.
+    Code::Travel,
+    Code::KeepOut,
+    Code::MachineSetting,
     // Of the place where a run is to begin.
     Code::Restart,
     // A fault of the planner itself, found by its audit.

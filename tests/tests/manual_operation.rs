@@ -241,7 +241,7 @@ fn an_override_is_called_done_when_a_report_shows_it_and_takes_no_second() {
         let settings = Settings::small_router_of(firmware);
         let start_in_machine = Some([-300.0, -200.0, -50.0]);
         let mut line = Line::connected(Build { start_in_machine, ..Build::new(settings) });
-        line.start(kerf_tests::line::straight(400, 1.0), 0);
+        line.start(kerf_tests::line::straight(290, 1.0), 0);
         line.until("it cuts", |line| line.state().line >= 3);
         let feed = |percent| Overrides { feed: Some(percent), ..Overrides::default() };
         for wanted in [
@@ -340,7 +340,7 @@ fn a_shutdown_stops_what_is_done_by_hand_first() {
 #[test]
 fn overrides_in_a_row_end_at_the_last_and_never_go_beyond_it() {
     let mut line = Line::connected(build());
-    line.start(kerf_tests::line::straight(400, 1.0), 0);
+    line.start(kerf_tests::line::straight(290, 1.0), 0);
     line.until("it cuts", |line| line.state().line >= 3);
     let feed = |percent| Overrides { feed: Some(percent), ..Overrides::default() };
     let ids =

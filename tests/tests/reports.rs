@@ -1,7 +1,9 @@
 //! What the state says of the machine, of what the controller reports: positions, feeds, doors.
 
 use axis_driver::codes::error_code;
-use axis_driver::driver::{Command, DriverConfig, Input, JogFrame, JogRequest, RunOutcome};
+use axis_driver::driver::{
+    CheckTravel, Command, DriverConfig, Input, JogFrame, JogRequest, RunOutcome,
+};
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use kerf_tests::line::{Line, straight};
@@ -75,7 +77,7 @@ fn a_digit_that_is_out_of_reach_is_never_a_position_and_a_fast_run_is_never_doub
     {
         let mut line = Line::connected(build(Firmware::Grbl, &[]));
         line.wait(1.0);
-        let mut path = straight(40, 10.0);
+        let mut path = straight(29, 10.0);
         path.elements.iter_mut().for_each(|element| element.feed_mm_per_min = Some(5_000.0));
         line.start(path, 0);
         line.until("it cuts", |line| line.state().line >= 5);
@@ -96,7 +98,8 @@ fn a_digit_that_is_out_of_reach_is_never_a_position_and_a_fast_run_is_never_doub
         }
     }
     // Nothing is asked for twice where nothing is wrong.
-    let config = DriverConfig { busy_poll_interval_ms: 0, ..DriverConfig::default() };
+    let (busy_poll_interval_ms, check_travel) = (0, CheckTravel::Off);
+    let config = DriverConfig { busy_poll_interval_ms, check_travel, ..DriverConfig::default() };
     let mut line = Line::new(config, build(Firmware::Grbl, &[]), &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
     let mut path = straight(40, 10.0);

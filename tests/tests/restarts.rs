@@ -95,6 +95,7 @@ fn has_no_zero(line: &mut Line) {
             start_line: 0,
             in_span: Default::default(),
             check_only: false,
+            tool_diameters_mm: Default::default(),
         })
     };
     let refusal = line.ask(request(&path)).unwrap_err();

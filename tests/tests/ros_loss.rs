@@ -10,7 +10,7 @@ fn running(on_ros_loss: OnRosLoss) -> Line {
         DriverConfig { on_ros_loss, ros_loss_timeout_ms: 2_000, ..DriverConfig::default() };
     let mut line = Line::new(config, Build::new(Settings::small_router()), &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
-    line.start(straight(200, 5.0), 0);
+    line.start(straight(115, 5.0), 0);
     line.wait(2.0);
     assert_eq!(line.mode(), Mode::Run);
     line

@@ -2,7 +2,9 @@
 //! against the virtual controller.
 
 use axis_driver::codes::error_code;
-use axis_driver::driver::{Command, DriverConfig, OnCommanderLoss, RunOutcome, RunRequest};
+use axis_driver::driver::{
+    CheckTravel, Command, DriverConfig, OnCommanderLoss, RunOutcome, RunRequest,
+};
 use axis_driver::encoder::EncoderConfig;
 use cnc_msgs::contour::{Action, Source, SpindleMode};
 use cnc_msgs::geometry::{AxisSet, Shape};
@@ -75,6 +77,7 @@ fn request(path: &CompensatedPath, start_line: u32) -> Command {
         start_line,
         in_span: Default::default(),
         check_only: false,
+        tool_diameters_mm: Default::default(),
     })
 }
 
@@ -128,7 +131,9 @@ fn a_soft_limit_names_the_block_that_was_read_and_a_switch_the_one_that_was_cut(
         let faults: Vec<&str> = fault.into_iter().collect();
         let build =
             Build { start_in_machine: Some([-590.0, -200.0, -50.0]), ..Build::new(settings) };
-        let mut line = Line::new(DriverConfig::default(), build, &faults);
+        // The driver would refuse the program.
+        let config = DriverConfig { check_travel: CheckTravel::Off, ..DriverConfig::default() };
+        let mut line = Line::new(config, build, &faults);
         line.until("locked", |line| line.mode() == Mode::Alarm);
         line.ask(Command::Unlock).unwrap();
         let mut path = straight(30, 10.0);
@@ -195,7 +200,7 @@ fn a_commander_that_stays_away_is_missed_once_and_only_when_it_was_there() {
         let config = DriverConfig { on_commander_loss: policy, ..DriverConfig::default() };
         let mut line = Line::new(config, Build::new(Settings::small_router()), &[]);
         line.until("idle", |line| line.mode() == Mode::Idle);
-        line.start(straight(200, 5.0), 0);
+        line.start(straight(115, 5.0), 0);
         line.wait(3.0);
         assert_eq!(line.mode(), Mode::Run, "no heartbeat was sent");
         for _ in 0..10 {
@@ -346,13 +351,13 @@ fn parameters_are_taken_between_runs() {
     let patient = DriverConfig { commander_timeout_ms: 4_000, ..DriverConfig::default() };
     let change = || Command::SetConfig(Box::new(patient.clone()));
     line.until("idle", |line| line.mode() == Mode::Idle);
-    line.start(straight(200, 5.0), 0);
+    line.start(straight(115, 5.0), 0);
     line.wait(0.5);
     assert_eq!(line.ask(change()).unwrap_err().error_code, error_code::BUSY);
     line.ask(Command::CancelRun { run: None }).unwrap();
     line.until("idle", |line| line.mode() == Mode::Idle);
     line.ask(change()).unwrap();
-    line.start(straight(200, 5.0), 0);
+    line.start(straight(115, 5.0), 0);
     line.ask(Command::Heartbeat).unwrap();
     line.wait(3.5);
     assert_eq!(line.mode(), Mode::Run, "{}", line.state().reason);
@@ -366,7 +371,7 @@ fn a_commander_that_has_ended_does_not_stop_the_run_of_its_successor() {
     line.until("idle", |line| line.mode() == Mode::Idle);
     line.ask(Command::Heartbeat).unwrap();
     line.ask(Command::ForgetCommander).unwrap();
-    line.start(straight(200, 5.0), 0);
+    line.start(straight(115, 5.0), 0);
     line.wait(3.0);
     assert_eq!(line.mode(), Mode::Run, "{}", line.state().reason);
     // One that is under way keeps the commander that gave a sign of life.
@@ -400,7 +405,7 @@ fn a_silence_in_a_run_wants_an_operator_whatever_comes_after_it() {
     let mut line =
         Line::new(DriverConfig::default(), Build::new(Settings::small_router()), &faults);
     line.until("idle", |line| line.mode() == Mode::Idle);
-    line.start(straight(2_000, 1.0), 0);
+    line.start(straight(590, 1.0), 0);
     assert_eq!(line.result().error_code, error_code::LINK_LOST);
     line.wait(8.0);
     assert!(line.state().needs_reset, "{:?}", line.state());

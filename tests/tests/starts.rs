@@ -60,6 +60,7 @@ impl Part {
             start_line,
             in_span,
             check_only: false,
+            tool_diameters_mm: Default::default(),
         })
     }
 
@@ -77,7 +78,10 @@ impl Part {
 /// Homed, with the tool clear of everything.
 fn homed() -> Line {
     let mut settings = Settings::small_router();
-    settings.set_line("$22=1").expect("a setting");
+    // As much travel as the longest part needs.
+    for line in ["$22=1", "$131=500", "$132=150"] {
+        settings.set_line(line).expect("a setting");
+    }
     let encoder = EncoderConfig { approach_z_mm: Some(CLEAR_Z), ..EncoderConfig::default() };
     let config = DriverConfig { encoder, ..DriverConfig::default() };
     let mut line = Line::new(config, Build::new(settings), &[]);

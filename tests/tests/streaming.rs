@@ -34,6 +34,7 @@ fn rate(path: CompensatedPath) -> (f64, f64) {
         start_line: 0,
         in_span: Default::default(),
         check_only: false,
+        tool_diameters_mm: Default::default(),
     };
     line.ask(Command::RunProgram(request)).unwrap();
     // From the first line of the path to the last, with the machine at speed.

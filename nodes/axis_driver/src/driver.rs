@@ -41,6 +41,7 @@ pub use buttons::STILL_STOPPING;
 pub use command::Command;
 pub use context::commander::{COMMANDER_LOST, OnCommanderLoss};
 pub use context::config::DriverConfig;
+pub use context::limits::CheckTravel;
 pub use context::overrides::Overrides;
 pub use context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
 pub use context::ros_loss::{OnRosLoss, ROS_LOST};

@@ -71,6 +71,8 @@ pub struct Traits {
     pub settings: &'static [SettingRow],
     /// Axes that have settings.
     pub axes: usize,
+    /// Blocks of the planner of a firmware that never reports how many it has.
+    pub unreported_planner_blocks: Option<u16>,
     /// Alarms after which the position is good, besides those that all share.
     pub position_kept_after: &'static [u16],
     /// Alarms after which it hears nothing but a reset, not even `?`.

@@ -217,6 +217,7 @@ mod tests {
             start_line: 12,
             in_span: StartInSpan::FromAbove,
             check_only: true,
+            tool_diameters_mm: Default::default(),
         });
         let commands = [
             run,

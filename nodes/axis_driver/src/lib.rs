@@ -3,7 +3,8 @@
 //! The one owner of motion. From the wire upwards: [`report`] reads what the
 //! firmware says and [`codes`] words it, [`firmware`] has what differs between firmwares; [`link`] counts characters; [`encoder`]
 //! turns a compensated path into lines; [`driver`] decides what is sent and when,
-//! and what is known of the machine; [`journal`] writes its inputs down and plays
+//! and what is known of the machine; [`machine_limits`] is what its settings say, [`envelope`]
+//! judges a path by them, [`cycle_time`] how long it takes; [`journal`] writes its inputs down and plays
 //! them again. All of that is a function of inputs and of the time that comes with
 //! them. `serial` (feature `node`) is the shell with the port, the threads and the
 //! clock; nothing in all of that knows ROS. `motion` is the process around it, and `node`
@@ -12,12 +13,15 @@
 //! None of this is a safety function; an emergency stop is wired.
 
 pub mod codes;
+pub mod cycle_time;
 pub mod driver;
 pub mod encoder;
-pub mod estimate;
+pub mod envelope;
 pub mod firmware;
 pub mod journal;
 pub mod link;
+pub mod machine_limits;
+mod machine_path;
 #[cfg(feature = "node")]
 pub mod motion;
 #[cfg(feature = "node")]
@@ -31,3 +35,4 @@ pub mod tool_check;
 pub mod tracker;
 #[cfg(feature = "node")]
 mod transport;
+mod vectors;

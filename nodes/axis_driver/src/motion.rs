@@ -19,7 +19,7 @@ pub(crate) use face::FACE_VARIABLE;
 pub use operator::{OperatorError, ask_operator};
 
 use crate::driver::Command;
-use crate::node::{declared, serial_config};
+use crate::node::{declared, keep_out, serial_config};
 use crate::serial::Serial;
 use face::{Ended, Face};
 use hub::Hub;
@@ -63,13 +63,18 @@ pub fn main(program: &[&str], args: &[String]) -> ExitCode {
             return complain(&error, 1);
         }
     }
-    let config = serial_config(|name| {
+    let parameter = |name: &str| {
         configuration
             .parameters
             .get(name)
             .cloned()
             .expect("every parameter that is asked for is declared")
-    });
+    };
+    let mut config = serial_config(parameter);
+    match keep_out(parameter) {
+        Ok(boxes) => config.driver.keep_out = boxes,
+        Err(error) => return complain(&format!("keep_out: {error}"), 2),
+    }
     let (event_sender, events) = sync_channel(WAITING_MAX);
     let (entry_sender, entries) = sync_channel(WAITING_MAX);
     let hub = Serial::start(config, event_sender, entry_sender)

@@ -24,7 +24,7 @@ mod waiting;
 
 pub use crate::journal::kind_from_wire;
 pub use parameters::driver_config;
-pub(crate) use parameters::{declared, serial_config};
+pub(crate) use parameters::{declared, keep_out, serial_config};
 pub use viewers::settings_to_wire;
 
 use crate::driver::{
@@ -33,6 +33,7 @@ use crate::driver::{
 use crate::journal::{Order, ReplanOrder};
 use crate::motion::{self, FACE_VARIABLE};
 use crate::serial::Event;
+use cnc_msgs::keep_out::KeepOut;
 use cnc_msgs::machine::{MachineState, Mode};
 use cnc_msgs::wire::cnc_msgs::msg::RunResult as RunResultMessage;
 use cnc_msgs::wire::cnc_msgs::srv::{GetProgramChunks, GetTraffic};
@@ -40,6 +41,7 @@ use cnc_msgs::wire::rcl_interfaces::msg::Parameter;
 use motion_link::{Before, FromMotion, MotionLink};
 use path::{Answers, Paths, Planned};
 use runtime::commands::CommandLog;
+use runtime::parameters::ParameterValue;
 use runtime::{Client, Handle, Health, HealthLevel, Memory, Publisher, Qos, RosTime};
 use rustix::process::Signal;
 use std::process::ExitCode;
@@ -115,6 +117,8 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         recorder: follow::Recorder::default(),
         last_beat: follow::LastBeat::default(),
         programs: node.client("program/get_chunks")?,
+        keep_out: keep_out(|name| node.parameter::<ParameterValue>(name))
+            .map_err(|error| format!("keep_out: {error}"))?,
         run_results: node.publisher("run_result", Qos::LATCHED)?,
     });
     let viewers = Viewers::new(&node)?;
@@ -238,6 +242,8 @@ struct RemoteDriver {
     last_beat: follow::LastBeat,
     /// Texts of programs.
     programs: Client<GetProgramChunks>,
+    /// What the tool must not touch.
+    keep_out: KeepOut,
     /// How the last run ended.
     run_results: Publisher<RunResultMessage>,
 }

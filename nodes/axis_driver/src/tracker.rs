@@ -7,7 +7,7 @@
 //! lines carry them; it is not needed.
 
 use crate::encoder::line_number;
-use crate::estimate::{dot, minus, norm, sweep};
+use crate::vectors::{dot, minus, norm, sweep};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement};
 use std::collections::VecDeque;
@@ -54,6 +54,11 @@ impl Tracker {
     /// The element that is being cut.
     pub fn element(&self) -> usize {
         self.element
+    }
+
+    /// The part of that element that has been cut, 0 to 1.
+    pub fn part(&self) -> f64 {
+        self.part
     }
 
     /// Whether that element has been cut to its end.

@@ -129,6 +129,7 @@ fn with_driver(port: &Path, path: CompensatedPath) -> (usize, Sent) {
         start_line: 0,
         in_span: Default::default(),
         check_only: false,
+        tool_diameters_mm: Default::default(),
     };
     serial.command(1, Command::RunProgram(request)).expect("nothing waits yet");
     let end = until(&events, most, |event| matches!(&event.output, Output::RunFinished(_)));

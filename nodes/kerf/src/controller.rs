@@ -1,5 +1,9 @@
-//! `kerf controller configure`: settings of the controller that improve the watch over the link.
-//! The driver decides which; this command shows them, and asks before writing.
+//! `kerf controller`: the settings of the controller's firmware.
+//!
+//! `configure` writes the one that improves the watch over the link: the driver decides which; this
+//! command shows it, and asks before writing. `dump` writes a machine file.
+
+mod dump;
 
 use crate::exit::{CommandResult, Failure, Status};
 use crate::operate::{said, with_node};
@@ -15,6 +19,8 @@ pub(crate) enum ControllerCommand {
     /// Show which setting would let the driver watch the serial line better, and write it after
     /// confirmation; other settings are not touched
     Configure(ConfigureArgs),
+    /// Print settings and stored positions as a file for `kerf plan --machine`
+    Dump,
 }
 
 /// What `kerf controller configure` takes.
@@ -27,7 +33,9 @@ pub(crate) struct ConfigureArgs {
 
 /// `kerf controller`
 pub(crate) fn run(command: &ControllerCommand, ros_args: &[String]) -> CommandResult {
-    let ControllerCommand::Configure(args) = command;
+    let ControllerCommand::Configure(args) = command else {
+        return with_node(ros_args, dump::dump);
+    };
     with_node(ros_args, async |node| {
         let client = node.client::<ConfigureController>("configure_controller")?;
         let plan = client.call(ConfigureControllerRequest { write: false }).await?;

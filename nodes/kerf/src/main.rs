@@ -26,6 +26,7 @@ mod page;
 mod picture;
 mod plan;
 mod plan_json;
+mod plan_machine;
 mod replay_command;
 mod stack;
 mod stack_replay;

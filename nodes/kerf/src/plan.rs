@@ -5,13 +5,14 @@ use crate::output_file::OutputFile;
 use crate::page::{Layer, Page, Sheet};
 use crate::picture::view::View;
 use crate::plan_json::{Elements, PlanReport};
+use crate::plan_machine::{Machine, MachineArgs, OnMachine};
 use crate::terminal::show_findings;
 use crate::{files, json, picture};
 use clap::Args;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, PathElement};
 use cnc_msgs::profile::{Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::node::disagreement;
@@ -53,6 +54,8 @@ pub(crate) struct PlanArgs {
     /// Also show how `kerf run --start-line` would start at this line
     #[arg(long, value_name = "LINE", default_value_t = 0)]
     start_line: u32,
+    #[command(flatten)]
+    machine: MachineArgs,
     /// Print one JSON object
     #[arg(long, conflicts_with = "quiet")]
     json: bool,
@@ -73,7 +76,7 @@ pub(crate) struct PlanArgs {
 /// Loads and plans, prints the result; fails if the program is refused.
 pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let read = [Some(args.file.as_path()), args.tools.as_deref(), args.parameters.as_deref()];
-    let inputs = files::inputs(read, &args.control);
+    let inputs = files::inputs(read.into_iter().chain(args.machine.files()), &args.control);
     let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
     let text = files::read_program(&args.file)?;
     let mut profile = files::profile(&args.control)?;
@@ -87,6 +90,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
         None => text,
     };
     let tools = files::tool_table(args.tools.as_deref())?;
+    let machine = args.machine.read()?;
     let name = files::file_name(&args.file);
 
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
@@ -94,6 +98,10 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
     let mut planned = Planned::new(&text, &profile, &tools, &options, planning);
     planned.keep_disagreement(&name, &text);
+    let start = planned.start_at(args.start_line, &profile);
+    if let Some(machine) = &machine {
+        planned.put_on(machine, &tools, start.as_ref());
+    }
 
     if let Some(file) = svg {
         file.write(|to| planned.write_svg(to, &name, &profile))?;
@@ -101,7 +109,6 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     if let Some(file) = html {
         file.write(|to| planned.page(&name, &text, &profile).write_html(to))?;
     }
-    let start = planned.start_at(args.start_line, &profile);
     if args.json {
         json::print(&planned.report(&profile.name, start.as_ref()))?;
     } else {
@@ -159,6 +166,7 @@ pub(crate) struct Planned {
     verdict: Verdict,
     /// Findings of the loader, then of the planner and its audit.
     pub(crate) findings: Vec<Finding>,
+    on_machine: Option<OnMachine>,
 }
 
 impl Planned {
@@ -177,7 +185,7 @@ impl Planned {
             verdict = judge(&loaded.contour, profile, tools, planning);
             findings.extend(verdict.plan.findings.iter().cloned());
         }
-        Self { loaded, verdict, findings }
+        Self { loaded, verdict, findings, on_machine: None }
     }
 
     /// Keeps the program if planner and audit disagree, and prints its path.
@@ -194,6 +202,26 @@ impl Planned {
     /// The path; empty when refused.
     pub(crate) fn path(&self) -> &CompensatedPath {
         &self.verdict.plan.path
+    }
+
+    /// Judges the path against a machine.
+    fn put_on(&mut self, machine: &Machine, tools: &ToolTable, start: Option<&Start>) {
+        if !self.accepted() {
+            return;
+        }
+        let first = start.map_or(0, |start| start.entry.element);
+        let (report, on_machine) = machine.judge(self.path(), tools, first);
+        self.findings.extend(report.findings);
+        self.on_machine = Some(on_machine);
+    }
+
+    /// What a refused program would have cut.
+    fn refused(&self) -> &[PathElement] {
+        match self.verdict.plan.refused.as_slice() {
+            // The machine refuses it, not the planner.
+            [] => &self.path().elements,
+            refused => refused,
+        }
     }
 
     fn start(&self) -> Position {
@@ -221,10 +249,11 @@ impl Planned {
             audit: self.verdict.audit.as_ref(),
             certificates: &self.verdict.plan.certificates,
             control,
-            elements: elements(&self.path().elements),
+            elements: elements(if self.accepted() { &self.path().elements } else { &[] }),
             events: &self.path().events,
             findings: &self.findings,
-            refused_elements: (!self.accepted()).then(|| elements(&self.verdict.plan.refused)),
+            machine: self.on_machine.as_ref(),
+            refused_elements: (!self.accepted()).then(|| elements(self.refused())),
             start,
             uncut: &self.verdict.plan.uncut,
         }
@@ -238,7 +267,7 @@ impl Planned {
         profile: &Profile,
     ) -> io::Result<()> {
         let elements =
-            if self.accepted() { &self.path().elements } else { &self.verdict.plan.refused };
+            if self.accepted() { self.path().elements.as_slice() } else { self.refused() };
         let picture = picture::Picture {
             title,
             contour: &self.loaded.contour,
@@ -257,8 +286,8 @@ impl Planned {
         let view = View::of(&self.loaded.contour, profile);
         let mut sheet = Sheet::new(name.to_owned(), view, String::from_utf8_lossy(text));
         let (layer, elements) = match self.accepted() {
-            true => ("compensated", &self.path().elements),
-            false => ("refused", &self.verdict.plan.refused),
+            true => ("compensated", self.path().elements.as_slice()),
+            false => ("refused", self.refused()),
         };
         sheet.good = self.accepted();
         sheet.verdict = if sheet.good { "accepted".into() } else { "refused".into() };
@@ -304,6 +333,9 @@ impl Planned {
         }
         if !self.verdict.plan.uncut.is_empty() {
             summary += &uncut_text(&self.verdict.plan.uncut);
+        }
+        if let Some(on_machine) = &self.on_machine {
+            summary += &on_machine.text(self.accepted());
         }
         summary
     }

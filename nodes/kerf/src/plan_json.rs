@@ -3,6 +3,7 @@
 //! Millimetres and degrees. The keys are a contract, in the order of the alphabet; the Rust types
 //! may change. Lists are made item by item while they are written: see [`crate::json`].
 
+use crate::plan_machine::OnMachine;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::{Arc, Position, Shape};
@@ -26,6 +27,9 @@ pub(crate) struct PlanReport<'a> {
     pub(crate) events: &'a [PathEvent],
     #[serde(serialize_with = "findings")]
     pub(crate) findings: &'a [Finding],
+    /// With `--machine`: how the path fits it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) machine: Option<&'a OnMachine>,
     /// What a refused program would have cut, for pictures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) refused_elements: Option<Elements<'a>>,

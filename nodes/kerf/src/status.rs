@@ -2,10 +2,12 @@
 
 use crate::exit::{CommandResult, Failure, Status};
 use crate::local::over_ros_or_locally;
+use crate::plan_machine::duration;
 use axis_driver::protocol::Wish;
 use cnc_msgs::convert::{link_watch_from_wire, machine_state_to_wire, mode_from_wire};
-use cnc_msgs::machine::LinkWatch;
+use cnc_msgs::machine::{LinkWatch, Mode};
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
+use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramFeedback};
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, RunResult};
 use cnc_msgs::wire::std_msgs::msg::Header;
 use replay::run_result;
@@ -15,6 +17,8 @@ use tokio::time::timeout;
 
 /// How long a latched message of a running node may take to arrive.
 const LATCHED_WITHIN: Duration = Duration::from_secs(5);
+/// The driver gives feedback several times within this time while a program runs.
+const FEEDBACK_WITHIN: Duration = Duration::from_millis(300);
 /// The driver publishes its state several times within this time.
 const STATE_SETTLES: Duration = Duration::from_millis(500);
 
@@ -24,6 +28,8 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
         let mut states: Subscription<MachineState> =
             node.subscription("machine_state", Qos::LATCHED)?;
         let mut results: Subscription<RunResult> = node.subscription("run_result", Qos::LATCHED)?;
+        // Whose keys do not let it read this sees the state all the same.
+        let mut feedback = node.action_feedback::<RunProgram>("run_program").ok();
         let (mut state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
             Failure::new(
                 Status::NoAnswer,
@@ -44,6 +50,18 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
             }
         }
         print!("{}", describe(&state));
+        // The newest of those that came meanwhile.
+        let mut progress = None;
+        let is_running = !matches!(mode_from_wire(state.state), Mode::Idle | Mode::Disconnected);
+        let mut wait = if is_running { FEEDBACK_WITHIN } else { Duration::ZERO };
+        while let Some(feedback) = &mut feedback
+            && let Ok(newer) = timeout(wait, feedback.next()).await
+        {
+            (progress, wait) = (Some(newer), Duration::ZERO);
+        }
+        if let Some(progress) = progress.filter(|_| is_running) {
+            print!("{}", describe_progress(&progress));
+        }
         // Late joiners get the last result; before the first run there is none.
         let mut ended = None;
         while let Ok((result, _)) = timeout(Duration::ZERO, results.next()).await {
@@ -61,6 +79,13 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
         print!("{}", describe(&machine_state_to_wire(Header::default(), &answer.state)));
         Ok(())
     })
+}
+
+/// How far a run is.
+fn describe_progress(progress: &RunProgramFeedback) -> String {
+    let left = &progress.time_left;
+    let seconds = f64::from(left.sec) + f64::from(left.nanosec) * 1e-9;
+    format!("  {:.0} % of the run done, {} left\n", 100.0 * progress.fraction, duration(seconds))
 }
 
 /// The state for people: millimetres, without unknown values.

@@ -60,6 +60,30 @@ fn two_programs_of_one_session_make_two_bags_that_replay() {
 }
 
 #[test]
+fn a_program_that_does_not_fit_the_machine_is_refused_running_or_not() {
+    let boxes = Folder::new();
+    let clamp =
+        "keep_out:\n  left clamp: {frame: G54, min_mm: [50, -5, -99], max_mm: [60, 5, 99]}\n";
+    boxes.file("clamps.yaml", clamp);
+    let file = format!("axis_driver:keep_out:={}", boxes.path().join("clamps.yaml").display());
+    let machine = Machine::virtual_with(10, &[&SLOW_POLLING[..], &["-p", &file]].concat());
+    machine.folder.file("far.ngc", "G21 G90\nG0 X0 Y0\nG1 X5000 F600\nM30\n");
+    let far = ["line 3", "needs 5000.000 mm in X", "($130)"];
+    machine.kerf(&["run", "far.ngc"]).expect(4).says(&far);
+    machine.folder.file("through.ngc", "G21 G90\nG0 X0 Y0\nG1 X100 F600\nM30\n");
+    let hit = ["line 3", "touches the keep-out \"left clamp\"", "X50.000"];
+    machine.kerf(&["run", "through.ngc"]).expect(4).says(&hit);
+    machine.folder.file("beside.ngc", "G21 G90\nG0 X0 Y6\nG1 X100 F2000\nM30\n");
+    machine.kerf(&["run", "beside.ngc"]).expect(0);
+
+    let dumped = machine.kerf(&["controller", "dump"]).expect(0).says(&["firmware: \"grbl\""]).out;
+    machine.folder.file("mill.yaml", dumped);
+    let plan = |program: &str| machine.kerf(&["plan", program, "--machine", "mill.yaml"]);
+    plan("far.ngc").expect(1).says(&["error[travel]", "far.ngc:3:1", "needs 5000.000 mm in X"]);
+    plan("beside.ngc").expect(0).says(&["fits the machine of mill.yaml (grbl); takes "]);
+}
+
+#[test]
 fn a_run_can_be_held_resumed_and_aborted() {
     let machine = Machine::virtual_one(8);
     machine.folder.file(SLOW, slow_program());
@@ -67,6 +91,7 @@ fn a_run_can_be_held_resumed_and_aborted() {
     machine.until_state("RUN");
     machine.kerf(&["hold"]).expect(0);
     let status = machine.until_state("HOLD");
+    assert!(status.contains("% of the run done, "), "{status}");
     // Nothing resumes by itself.
     assert_eq!(machine.until_state("HOLD").lines().nth(1), status.lines().nth(1));
     machine.kerf(&["run", SLOW]).expect(4);

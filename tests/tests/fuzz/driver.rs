@@ -267,6 +267,7 @@ impl Bench {
                         StartInSpan::FromAbove,
                     ]),
                     check_only: random.once_in(5),
+                    tool_diameters_mm: Default::default(),
                 })
             }
             6 => Command::CancelRun { run: random.once_in(3).then_some(self.next_id - 1) },

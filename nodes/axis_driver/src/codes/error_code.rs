@@ -56,3 +56,7 @@ pub const NOT_ACTIVE: u16 = 327;
 pub const NOT_HOMED: u16 = 328;
 /// The tool is not where the lines that were sent have taken it.
 pub const PATH_DEVIATION: u16 = 329;
+/// The program leaves the travel of the machine.
+pub const TRAVEL: u16 = 330;
+/// The tool would touch a keep-out box.
+pub const KEEP_OUT: u16 = 331;

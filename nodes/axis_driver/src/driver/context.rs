@@ -7,6 +7,7 @@ pub(super) mod board;
 pub(super) mod commander;
 pub(super) mod config;
 pub(super) mod hold;
+pub(super) mod limits;
 pub(super) mod machine;
 pub(super) mod obstacles;
 pub(super) mod offsets;

@@ -77,7 +77,10 @@ impl Phase {
 
     /// Whether a path is being encoded for its errors, which goes on at once.
     pub(super) fn is_encoding(&self) -> bool {
-        matches!(self, Self::Running(run) if run.is_proving() || run.rest.is_some())
+        match self {
+            Self::Running(run) => run.is_proving() || run.is_judging() || run.rest.is_some(),
+            _ => false,
+        }
     }
 
     pub(super) fn deadline(&self) -> Option<Duration> {

@@ -15,13 +15,16 @@ pub(super) mod replan;
 pub(super) mod request;
 mod start;
 mod stream;
+mod time_left;
 pub(super) mod tool_change;
 mod watch;
+pub(super) mod workplace;
 
 use super::context::Context;
 use super::context::machine::Machine;
+use crate::cycle_time::CycleTime;
 use crate::encoder::{EncodedLine, Encoder};
-use crate::estimate::Estimate;
+use crate::machine_limits::StoredOffsets;
 use crate::tracker::Tracker;
 use block::BlockOfLine;
 use cnc_msgs::geometry::{AxisSet, Position};
@@ -31,8 +34,10 @@ use proof::Proof;
 use replan::Replan;
 use request::RunRequest;
 use std::time::Duration;
+use time_left::TimeLeft;
 use tool_change::ToolChange;
 use watch::RunWatch;
+use workplace::WorkplaceCheck;
 
 /// Owns a path on its way to the machine: the encoder, the line that waits for room, and
 /// the stage that the run is in.
@@ -60,9 +65,13 @@ pub(super) struct ProgramRun {
     next_block: Option<EncodedLine>,
     /// Events of the path whose messages have been shown.
     shown: usize,
-    estimate: Estimate,
-    total_s: f64,
-    progress: Option<(u32, f64)>,
+    time: TimeLeft,
+    /// Line, fraction and seconds left that were given last.
+    progress: Option<(u32, f64, f64)>,
+    /// The stored positions that the path was judged by.
+    judged_by: Option<StoredOffsets>,
+    /// It is judged by others, before the first words are sent.
+    judged_again: Option<Box<WorkplaceCheck>>,
     watch: RunWatch,
 }
 
@@ -146,9 +155,10 @@ impl ProgramRun {
         encoder: Encoder,
         first_element: usize,
         proof: Proof,
+        time: CycleTime,
         machine: &Machine,
     ) -> Self {
-        let estimate = Estimate::new(machine.rates(), &request.path, first_element);
+        let judged_by = proof.workplace.as_ref().map(|it| it.offsets);
         let tracker = Tracker::new(first_element, machine.planner_blocks());
         let job =
             Job { id, request, tracker, has_sent: false, blamed_line: 0, is_in_tool_change: false };
@@ -166,9 +176,10 @@ impl ProgramRun {
             block: None,
             next_block: None,
             rest: None,
-            estimate,
-            total_s: 0.0,
+            time: TimeLeft::new(time),
             progress: None,
+            judged_by,
+            judged_again: None,
             watch: RunWatch::default(),
         }
     }
@@ -185,6 +196,11 @@ impl ProgramRun {
             0 => self.job.request.path.assumed_axes,
             _ => self.encoder.start_axes(),
         }
+    }
+
+    /// Whether slices of the path wait to be judged.
+    pub(super) fn is_judging(&self) -> bool {
+        self.judged_again.is_some()
     }
 
     pub(super) fn is_proving(&self) -> bool {

@@ -11,8 +11,10 @@ use super::run::proof::{Check, Proof};
 use super::run::replan::ReplanRequest;
 use super::run::request::RunRequest;
 use super::run::tool_change::check_block;
+use super::run::workplace::WorkplaceCheck;
 use super::{Driver, Phase};
 use crate::codes::error_code;
+use crate::cycle_time::CycleTime;
 use crate::encoder::{StartProblem, start_at};
 use cnc_msgs::machine::Mode;
 
@@ -32,8 +34,7 @@ impl Driver {
         {
             return Some(Err(refusal));
         }
-        let machine = &self.context.machine;
-        if !is_only_encoded && let Some(refusal) = request.frame_obstacle(machine) {
+        if !is_only_encoded && let Some(refusal) = request.frame_obstacle(&self.context.machine) {
             return Some(Err(refusal));
         }
         let config = self.context.encoder_config();
@@ -45,12 +46,21 @@ impl Driver {
             }
             Err(problem) => return refused(error_code::START_LINE, problem.to_string()),
         };
-        let proof = Proof::new(encoder.clone(), machine.rates(), &request.path, first_element);
+        // A block during a tool change moves in a frame that the program has set.
+        let workplace = match is_in_change {
+            true => None,
+            false => WorkplaceCheck::begin(&mut self.context, &request, first_element),
+        };
+        let machine = &self.context.machine;
+        let start = machine.machine_position().filter(|_| !is_in_change);
+        let limits = machine.limits_for_time();
+        let time = CycleTime::new(&limits, &request.path, first_element, start);
+        let proof = Proof::new(encoder.clone(), time.clone(), workplace);
         if is_only_encoded {
             self.check = Some(Check { id, path: request.path, proof });
             return None;
         }
-        let mut run = ProgramRun::new(id, request, encoder, first_element, proof, machine);
+        let mut run = ProgramRun::new(id, request, encoder, first_element, proof, time, machine);
         run.job.is_in_tool_change = is_in_change;
         // If this cannot be known yet, it is looked at again after the first words.
         if !is_in_change && let Err(refusal) = run.check_start_early(machine) {

@@ -11,6 +11,7 @@ pub(super) static TRAITS: Traits = Traits {
     errors: ERRORS,
     settings: &[],
     axes: 6,
+    unreported_planner_blocks: Some(16),
     position_kept_after: &[],
     deaf_after: &[],
     reset_needed_after: &[1, 2, 13, 16],

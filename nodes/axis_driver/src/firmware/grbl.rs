@@ -12,6 +12,7 @@ pub(super) static TRAITS: Traits = Traits {
     errors: ERRORS,
     settings: &[],
     axes: 3,
+    unreported_planner_blocks: None,
     position_kept_after: &[],
     deaf_after: &[1, 2],
     reset_needed_after: &[1, 2],

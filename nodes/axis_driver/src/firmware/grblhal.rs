@@ -11,6 +11,7 @@ pub(super) static TRAITS: Traits = Traits {
     errors: ERRORS,
     settings: SETTINGS,
     axes: 6,
+    unreported_planner_blocks: None,
     // It waits for its spindle while nothing moves.
     position_kept_after: &[14],
     deaf_after: &[],

@@ -10,6 +10,7 @@ use crate::driver::{
 };
 use cnc_msgs::path::{CompensatedPath, StartInSpan};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A command, where whoever gives it need not have the path.
@@ -21,13 +22,14 @@ pub enum Order {
 }
 
 /// [`RunRequest`] without its path.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RunOrder {
     pub program_id: String,
     pub revision: u64,
     pub start_line: u32,
     pub in_span: StartInSpan,
     pub check_only: bool,
+    pub tool_diameters_mm: BTreeMap<u32, f64>,
 }
 
 /// [`ReplanRequest`] without its path.
@@ -61,6 +63,7 @@ pub fn order_to_json(id: u64, order: &Order) -> String {
             start_line: order.start_line,
             in_span: order.in_span,
             check_only: order.check_only,
+            tool_diameters_mm: order.tool_diameters_mm.clone(),
         },
         Order::Replan(order) => CommandForm::Replan {
             program_id: order.program_id.clone(),
@@ -90,6 +93,9 @@ enum CommandForm {
         #[serde(default, skip_serializing_if = "is_refused")]
         in_span: StartInSpan,
         check_only: bool,
+        /// Only where there are keep-out boxes.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        tool_diameters_mm: BTreeMap<u32, f64>,
     },
     CancelRun {
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -153,6 +159,7 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
             start_line: request.start_line,
             in_span: request.in_span,
             check_only: request.check_only,
+            tool_diameters_mm: request.tool_diameters_mm.clone(),
         },
         Command::CancelRun { run } => CommandForm::CancelRun { run: *run },
         Command::FeedHold => CommandForm::FeedHold,
@@ -203,7 +210,14 @@ pub fn command_from_json(
 ) -> Result<(u64, Command), CommandError> {
     let record: CommandRecord = serde_json::from_slice(json)?;
     let command = match record.command {
-        CommandForm::RunProgram { program_id, revision, start_line, in_span, check_only } => {
+        CommandForm::RunProgram {
+            program_id,
+            revision,
+            start_line,
+            in_span,
+            check_only,
+            tool_diameters_mm,
+        } => {
             let Some(path) = lookup(&program_id, revision) else {
                 return Err(CommandError::UnknownPath { program_id, revision });
             };
@@ -214,6 +228,7 @@ pub fn command_from_json(
                 start_line,
                 in_span,
                 check_only,
+                tool_diameters_mm,
             })
         }
         CommandForm::CancelRun { run } => Command::CancelRun { run },

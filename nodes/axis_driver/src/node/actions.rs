@@ -17,6 +17,7 @@ use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
 use runtime::action::{Goal, GoalOffer, GoalOutcome, Unfinished};
 use runtime::commands::Answer;
 use runtime::{Client, Handle, NodeError};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -164,7 +165,18 @@ async fn begin(
     }
     driver.note_who_begins(offer.info().writer).await;
     let (start_line, check_only) = (goal.start_line, goal.check_only);
-    let order = Order::Run(RunOrder { program_id, revision, start_line, in_span, check_only });
+    let tool_diameters_mm = match driver.keep_out.keep_out.is_empty() {
+        true => BTreeMap::new(),
+        false => paths.diameters_mm(&planned),
+    };
+    let order = Order::Run(RunOrder {
+        program_id,
+        revision,
+        start_line,
+        in_span,
+        check_only,
+        tool_diameters_mm,
+    });
     let reply = driver.ask_unless_stopped(stops, id, order, PROVE_WITHIN).await;
     if reply.is_ok() && !goal.check_only {
         paths.begin(&planned);

@@ -1,10 +1,12 @@
 //! The driver's parameters and what they make of the driver.
 
-use crate::driver::{DriverConfig, OnCommanderLoss, OnPathDeviation, OnRosLoss};
+use crate::driver::{CheckTravel, DriverConfig, OnCommanderLoss, OnPathDeviation, OnRosLoss};
 use crate::encoder::EncoderConfig;
 use crate::serial::{Reopen, SerialConfig};
 use crate::transport::address::is_networked;
+use cnc_msgs::keep_out::KeepOut;
 use runtime::parameters::{Declared, ParameterValue};
+use std::path::Path;
 use std::time::Duration;
 
 /// First and longest pause between two tries to open the port.
@@ -12,7 +14,8 @@ const REOPEN: Reopen =
     Reopen::Backoff { first: Duration::from_millis(500), most: Duration::from_secs(5) };
 
 /// What is settled when the port is opened, or the node is made.
-const AT_START: [&str; 6] = ["port", "baud", "dtr", "rts", "receive_buffer_bytes", "frame_prefix"];
+const AT_START: [&str; 7] =
+    ["port", "baud", "dtr", "rts", "receive_buffer_bytes", "frame_prefix", "keep_out"];
 
 /// All of them.
 pub(crate) fn declared() -> Vec<Declared> {
@@ -152,6 +155,19 @@ pub(crate) fn declared() -> Vec<Declared> {
         )
         .one_of(&OnPathDeviation::WORDS.map(|(word, _)| word)),
         Declared::new(
+            "check_travel",
+            "refuse",
+            "what to do when a program leaves the travel of the machine ($130 to $132) or is longer \
+             than it: refuse, warn or off",
+        )
+        .one_of(&CheckTravel::WORDS.map(|(word, _)| word)),
+        Declared::new(
+            "keep_out",
+            "",
+            "file with boxes that the tool must not touch (clamps, fixtures), YAML, millimetres; it \
+             is read when the node starts; empty: none",
+        ),
+        Declared::new(
             "line_numbers",
             encoder.line_numbers,
             "whether lines carry N words, for controllers that report Ln; costs some 6 bytes a line",
@@ -180,6 +196,18 @@ pub(crate) fn declared() -> Vec<Declared> {
     .into_iter()
     .map(|row| if AT_START.contains(&row.name.as_str()) { row.read_only() } else { row })
     .collect()
+}
+
+/// The boxes of the file that the parameter `keep_out` names; none without a name.
+pub(crate) fn keep_out(
+    get: impl Fn(&str) -> ParameterValue,
+) -> Result<KeepOut, settings::KeepOutFileError> {
+    match get("keep_out") {
+        ParameterValue::String(path) if !path.is_empty() => {
+            settings::load_keep_out(Path::new(&path))
+        }
+        _ => Ok(KeepOut::default()),
+    }
 }
 
 /// The serial shell's configuration, from the node's parameters.
@@ -263,6 +291,16 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
             // A node of before, whose parameters are in a bag, had no watch.
             _ => OnPathDeviation::Off,
         },
+        check_travel: match get("check_travel") {
+            ParameterValue::String(word) => {
+                let found = CheckTravel::WORDS.iter().find(|(name, _)| *name == word);
+                found.map_or(default.check_travel, |(_, policy)| *policy)
+            }
+            // A node of before, whose parameters are in a bag, had no check.
+            _ => CheckTravel::Off,
+        },
+        // The boxes are in a file; who starts the driver reads it.
+        keep_out: default.keep_out,
         encoder: EncoderConfig {
             position_mm_max: double("position_mm_max", default.encoder.position_mm_max),
             feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),

@@ -12,6 +12,7 @@ use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetPathChunks, GetPathChunksRequest};
 use runtime::chunks::pull;
 use runtime::{Client, Handle, NodeError, Qos, WarningRateLimit};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Notify, oneshot};
@@ -225,6 +226,14 @@ impl Paths {
     /// Why the path that is run must not go on with this tool.
     pub(super) fn objection(&self, tool: u32, is_by_hand: bool) -> Option<String> {
         self.newest().objection(tool, is_by_hand)
+    }
+
+    /// The diameters of the tools that a path was made with, by T number, mm.
+    pub(super) fn diameters_mm(&self, planned: &Planned) -> BTreeMap<u32, f64> {
+        let newest = self.newest();
+        let table = newest.table_of(planned).or_else(|| newest.planned_tools.clone());
+        let tools = table.unwrap_or_default().tools.into_iter();
+        tools.map(|(number, tool)| (number, tool.diameter_mm + tool.wear_diameter_mm)).collect()
     }
 
     fn take(&self, planned: Planned) {

@@ -5,7 +5,7 @@
 use super::parameters::driver_config;
 use super::{REPLY_WITHIN, RemoteDriver};
 use crate::codes::error_code;
-use crate::driver::Command;
+use crate::driver::{Command, DriverConfig};
 use cnc_msgs::machine::Mode;
 use runtime::Handle;
 use runtime::parameters::ParameterValue;
@@ -36,7 +36,11 @@ pub(super) fn follow(node: &Handle, driver: &Arc<RemoteDriver>, is_tuned: bool) 
     let (handle, driver, mut changes) =
         (node.clone(), Arc::clone(driver), node.parameter_changes());
     node.spawn("parameters", async move {
-        let config = || driver_config(|name| handle.parameter::<ParameterValue>(name));
+        let keep_out = &driver.keep_out;
+        let config = || DriverConfig {
+            keep_out: keep_out.clone(),
+            ..driver_config(|name| handle.parameter::<ParameterValue>(name))
+        };
         let mut taken = (!is_tuned).then(config);
         loop {
             let config = config();

@@ -1,6 +1,6 @@
 //! The way of one line, in the machine frame, and how far a place is off it.
 
-use crate::estimate::{dot, minus, norm};
+use crate::vectors::{dot, minus, norm};
 use cnc_msgs::geometry::{Plane, Position};
 use std::f64::consts::TAU;
 

@@ -145,6 +145,7 @@ pub(crate) fn bag(spec: &Spec) -> Vec<u8> {
         start_line: 0,
         in_span: Default::default(),
         check_only: false,
+        tool_diameters_mm: Default::default(),
     };
     let (result, mut bag, end) = run.run_out(request, spec.event);
     bag.put(

@@ -56,6 +56,7 @@ pub(crate) fn write(file: &Path, blocks: u32) -> (u64, Duration) {
         start_line: 0,
         in_span: Default::default(),
         check_only: false,
+        tool_diameters_mm: Default::default(),
     };
     run.handle(Input::Command { id: 1, command: Command::RunProgram(request) });
     run.until(|run| run.has_finished);

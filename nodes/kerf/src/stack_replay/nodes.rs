@@ -19,12 +19,14 @@ pub(super) const DOMAINS: std::ops::RangeInclusive<u16> = 215..=232;
 /// for silent.
 const POLL_INTERVAL_MS: i64 = 500;
 /// Parameters that depend on this computer, not on the recorded one.
-const OWN: [&str; 14] = [
+const OWN: [&str; 15] = [
     "port",
     "dtr",
     "rts",
     "poll_interval_ms",
     "tool_table",
+    // The program was accepted with it.
+    "keep_out",
     "directory",
     "program_directories",
     // What was read from them is in the recorded program.
@@ -52,6 +54,10 @@ pub(super) fn parameter_file(node: &str, recorded: Option<&NodeParameters>) -> S
     // A driver of before watched no path, and asked nothing for it.
     if node == "axis_driver" && !is_recorded("on_path_deviation") {
         text.push_str("    on_path_deviation: \"off\"\n");
+    }
+    // Nor did it know the travel.
+    if node == "axis_driver" && !is_recorded("check_travel") {
+        text.push_str("    check_travel: \"off\"\n");
     }
     for row in recorded.iter().flat_map(|it| &it.parameters) {
         if OWN.contains(&row.name.as_str()) || node == "run_recorder" {

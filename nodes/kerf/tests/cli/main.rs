@@ -2,6 +2,7 @@
 
 mod bags;
 mod fleet;
+mod machine;
 mod outside;
 mod plan_json;
 #[path = "../support/mod.rs"]

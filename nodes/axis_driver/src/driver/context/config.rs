@@ -1,10 +1,12 @@
 //! The parameters of the driver, its timeouts and its tolerances.
 
 use super::commander::OnCommanderLoss;
+use super::limits::CheckTravel;
 use super::path_deviation::OnPathDeviation;
 use super::ros_loss::OnRosLoss;
 use crate::encoder::EncoderConfig;
 use crate::link::LinkConfig;
+use cnc_msgs::keep_out::KeepOut;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -68,6 +70,16 @@ pub struct DriverConfig {
     /// What is done when the machine is not where the lines that were sent can have taken it.
     #[serde(default)]
     pub on_path_deviation: OnPathDeviation,
+    /// What is done when a program leaves the travel of the machine.
+    #[serde(default)]
+    pub check_travel: CheckTravel,
+    /// What the tool must not touch.
+    #[serde(default, skip_serializing_if = "has_no_boxes")]
+    pub keep_out: KeepOut,
+}
+
+fn has_no_boxes(keep_out: &KeepOut) -> bool {
+    keep_out.keep_out.is_empty()
 }
 
 const fn rate_margin() -> f64 {
@@ -104,6 +116,8 @@ impl Default for DriverConfig {
             on_ros_loss: OnRosLoss::default(),
             ros_loss_timeout_ms: ros_loss_timeout_ms(),
             on_path_deviation: OnPathDeviation::Hold,
+            check_travel: CheckTravel::Refuse,
+            keep_out: KeepOut::default(),
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use super::place::PlaceWatch;
 use crate::codes;
+use crate::cycle_time::Speeds;
 use crate::driver::output::Offset;
 use crate::encoder::Homing;
-use crate::estimate::Rates;
 use crate::firmware::Firmware;
 use crate::report::{Accessories, ControllerState, Message, ModalWords, StatusReport};
 use cnc_msgs::geometry::Position;
@@ -279,20 +279,6 @@ impl Machine {
         self.status.as_ref().is_some_and(|status| status.free.is_some())
     }
 
-    pub(in crate::driver) fn rates(&self) -> Rates {
-        let mut rates = Rates::default();
-        for axis in 0..3u16 {
-            let read = |base: u16, slot: &mut f64| {
-                if let Some(value) = self.settings.get(&(base + axis)).filter(|v| **v > 0.0) {
-                    *slot = *value;
-                }
-            };
-            read(110, &mut rates.rapid_mm_per_min[usize::from(axis)]);
-            read(120, &mut rates.acceleration_mm_per_s2[usize::from(axis)]);
-        }
-        rates
-    }
-
     /// Whether it stands elsewhere than before its last start: a reset of its own keeps the
     /// position. Forgets where it stood.
     pub(in crate::driver) fn has_moved_since_start(&mut self) -> bool {
@@ -315,8 +301,10 @@ impl Machine {
         Some([0, 1, 2].map(|axis| place[axis] - (machine[axis] - work[axis])))
     }
 
-    pub(in crate::driver) fn feed_override(&self) -> f64 {
-        f64::from(self.overrides_percent[0].max(1)) / 100.0
+    /// Feed and rapid override.
+    pub(in crate::driver) fn speeds(&self) -> Speeds {
+        let [feed, rapid] = [0, 1].map(|at| f64::from(self.overrides_percent[at].max(1)) / 100.0);
+        Speeds { feed, rapid }
     }
 
     pub(in crate::driver) fn is_state(&self, state: &ControllerState) -> bool {

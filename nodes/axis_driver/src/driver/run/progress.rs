@@ -26,6 +26,9 @@ const RECORD_NOT_WHOLE: &str = "RECORD_NOT_WHOLE";
 
 impl ProgramRun {
     pub(in crate::driver) fn on_time(&mut self, context: &mut Context) -> Option<Exit> {
+        if self.judged_again.is_some() {
+            return self.step_judgement(context);
+        }
         let now = context.now;
         let is_machine_held = context.machine.is_state(&ControllerState::Hold)
             || context.machine.is_state(&ControllerState::Door);
@@ -41,7 +44,13 @@ impl ProgramRun {
                     let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
                     Some(Exit::over(RunVerdict::aborted(code, text)))
                 }
-                Proven::Whole { lines, seconds } => self.begin(context, lines, seconds),
+                Proven::Whole { lines, seconds } => {
+                    let refusal = proof.workplace.as_ref().and_then(|it| it.refusal(context));
+                    match refusal {
+                        Some(refusal) => Some(Exit::over(refusal.into())),
+                        None => self.begin(context, lines, seconds),
+                    }
+                }
             },
             Stage::AwaitingRecorder { until } if now >= *until => {
                 let text = format!("no recorder opened a bag within {} s", RECORDER.as_secs());
@@ -70,7 +79,7 @@ impl ProgramRun {
             let text = format!("the machine is no longer idle; it is in {}", mode.name());
             return Some(Exit::over(RunVerdict::aborted(error_code::BUSY, text)));
         }
-        self.total_s = seconds;
+        self.time.set_total(seconds);
         if !self.job.is_in_tool_change {
             context.machine.program_id.clone_from(&self.job.request.program_id);
             context.machine.line = 0;
@@ -84,7 +93,8 @@ impl ProgramRun {
             self.ask_offsets(context);
         }
         context.reply(self.job.id, Ok(format!("{lines} lines, about {seconds:.0} s")));
-        let time_left_s = seconds / context.machine.feed_override();
+        self.time.follow(&self.job.request.path, context.machine.speeds());
+        let time_left_s = self.time.total_s();
         if !self.job.is_in_tool_change {
             context.outputs.push_back(Output::Progress { line: 0, fraction: 0.0, time_left_s });
         }
@@ -102,7 +112,7 @@ impl ProgramRun {
     }
 
     /// Sends the first words of a run.
-    fn send_preamble(&mut self, context: &mut Context) {
+    pub(super) fn send_preamble(&mut self, context: &mut Context) {
         self.stage = Stage::Preparing { until: context.now + ANSWER };
         self.begin_watch(context);
         context.link.begin_stream(context.now, context.machine.firmware.traits().error_lasts);
@@ -152,7 +162,9 @@ impl ProgramRun {
         }
         if matches!(origin, Origin::Offsets) {
             self.has_asked_offsets(error.is_none());
-            self.send_preamble(context);
+            if !self.judge_again(context) {
+                self.send_preamble(context);
+            }
             return None;
         }
         if let Some(code) = error {
@@ -329,12 +341,13 @@ impl ProgramRun {
             return;
         }
         let path = &self.job.request.path;
-        let done = self.estimate.advance_to(path, self.job.tracker.element());
-        let fraction = if self.total_s > 0.0 { (done / self.total_s).min(1.0) } else { 0.0 };
+        self.time.follow(path, context.machine.speeds());
+        let (element, part) = (self.job.tracker.element(), self.job.tracker.part());
+        let (fraction, time_left_s) = self.time.at(path, element, part);
         let line = self.job.line();
-        if self.progress != Some((line, fraction)) {
-            self.progress = Some((line, fraction));
-            let time_left_s = (self.total_s - done).max(0.0) / context.machine.feed_override();
+        let progress = Some((line, fraction, time_left_s));
+        if self.progress != progress {
+            self.progress = progress;
             context.outputs.push_back(Output::Progress { line, fraction, time_left_s });
         }
     }

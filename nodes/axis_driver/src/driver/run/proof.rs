@@ -3,13 +3,15 @@
 //! What cannot be encoded moves nothing. It is done in slices, so that a status report
 //! or a hold never waits for a long program.
 
+use super::time_left::BLOCKS_PER_SLICE;
+use super::workplace::WorkplaceCheck;
 use crate::codes::error_code;
+use crate::cycle_time::CycleTime;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
 use crate::driver::context::config::LINES_PER_SLICE;
 use crate::driver::output::{Output, RunOutcome, RunResult};
 use crate::encoder::{EncodeError, Encoder, EncoderStep};
-use crate::estimate::{Estimate, Rates};
 use cnc_msgs::path::CompensatedPath;
 use std::sync::Arc;
 
@@ -17,7 +19,10 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(in crate::driver) struct Proof {
     encoder: Encoder,
-    estimate: Estimate,
+    is_encoded: bool,
+    time: CycleTime,
+    /// Where the machine and what is on it is compared.
+    pub(in crate::driver) workplace: Option<WorkplaceCheck>,
     lines: usize,
 }
 
@@ -33,17 +38,20 @@ pub(in crate::driver) enum Proven {
 }
 
 impl Proof {
+    /// `time` is at the element with which the encoder begins.
     pub(in crate::driver) fn new(
         encoder: Encoder,
-        rates: Rates,
-        path: &CompensatedPath,
-        first_element: usize,
+        time: CycleTime,
+        workplace: Option<WorkplaceCheck>,
     ) -> Self {
-        Self { encoder, estimate: Estimate::new(rates, path, first_element), lines: 0 }
+        Self { encoder, is_encoded: false, time, workplace, lines: 0 }
     }
 
     pub(in crate::driver) fn step(&mut self, path: &CompensatedPath) -> Proven {
         for _ in 0..LINES_PER_SLICE {
+            if self.is_encoded {
+                break;
+            }
             match self.encoder.next_step() {
                 Some(Ok(EncoderStep::Line(_))) => self.lines += 1,
                 Some(Ok(
@@ -54,14 +62,21 @@ impl Proof {
                     | EncoderStep::CheckReturn { .. },
                 )) => {}
                 Some(Err(problem)) => return Proven::Not(problem),
-                None => {
-                    let seconds = self.estimate.advance_to(path, path.elements.len());
-                    return Proven::Whole { lines: self.lines, seconds };
-                }
+                None => self.is_encoded = true,
             }
         }
-        self.estimate.advance_to(path, self.encoder.next_element());
-        Proven::NotYet
+        let element = match self.is_encoded {
+            true => path.elements.len(),
+            false => self.encoder.next_element(),
+        };
+        if let Some(workplace) = &mut self.workplace {
+            workplace.advance_to(path, element);
+        }
+        let is_timed = self.time.advance_within(path, element, BLOCKS_PER_SLICE);
+        match self.is_encoded && is_timed {
+            true => Proven::Whole { lines: self.lines, seconds: self.time.seconds() },
+            false => Proven::NotYet,
+        }
     }
 }
 
@@ -85,6 +100,11 @@ impl Check {
                 context.reply(id, Err(refusal));
             }
             Proven::Whole { lines, seconds } => {
+                let workplace = self.proof.workplace.as_ref();
+                if let Some(refusal) = workplace.and_then(|it| it.refusal(context)) {
+                    context.reply(id, Err(refusal));
+                    return true;
+                }
                 let message = format!("{lines} lines, about {seconds:.0} s; nothing was sent");
                 context.reply(id, Ok(message.clone()));
                 let outcome = RunOutcome::Succeeded;

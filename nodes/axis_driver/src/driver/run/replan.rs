@@ -6,13 +6,14 @@
 
 use super::proof::{Proof, Proven};
 use super::request::RunRequest;
+use super::time_left::TimeLeft;
 use super::{ProgramRun, Stage};
 use crate::codes::error_code;
+use crate::cycle_time::CycleTime;
 use crate::driver::answer::{Answer, Refusal, refused};
 use crate::driver::context::Context;
 use crate::driver::context::machine::Machine;
 use crate::encoder::Encoder;
-use crate::estimate::Estimate;
 use cnc_msgs::path::CompensatedPath;
 use std::sync::Arc;
 
@@ -66,7 +67,8 @@ impl ProgramRun {
             return refused(error_code::START_POSITION, text);
         };
         let first = encoder.next_element();
-        let proof = Proof::new(encoder.clone(), machine.rates(), &request.path, first);
+        let time = CycleTime::new(&machine.limits_for_time(), &request.path, first, None);
+        let proof = Proof::new(encoder.clone(), time, None);
         self.rest = Some(Box::new(Replan { id, request, encoder, proof }));
         None
     }
@@ -92,10 +94,11 @@ impl ProgramRun {
         };
         let Some(rest) = self.rest.take() else { return };
         let Replan { request: ReplanRequest { revision, path, .. }, encoder, .. } = *rest;
-        let rates = context.machine.rates();
-        let mut done_before = Estimate::new(rates, &path, self.first_element);
-        self.total_s = done_before.advance_to(&path, encoder.next_element()) + seconds;
-        self.estimate = Estimate::new(rates, &path, self.first_element);
+        let limits = context.machine.limits_for_time();
+        let start = CycleTime::new(&limits, &path, self.first_element, None);
+        let done_before = start.clone().advance_to(&path, encoder.next_element());
+        self.time = TimeLeft::new(start);
+        self.time.set_total(done_before + seconds);
         self.encoder = encoder;
         self.job.request.path = path;
         self.job.request.revision = revision;

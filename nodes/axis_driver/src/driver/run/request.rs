@@ -1,6 +1,7 @@
 //! What a run is asked to do.
 
 use cnc_msgs::path::{CompensatedPath, StartInSpan};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The program name that the state shows for a single block of manual data input.
@@ -20,6 +21,8 @@ pub struct RunRequest {
     /// Nothing moves: the path is encoded from end to end for this controller, and
     /// read by its own check mode where the configuration says so.
     pub check_only: bool,
+    /// By T number, mm, for keep-out boxes; empty where there are none.
+    pub tool_diameters_mm: BTreeMap<u32, f64>,
 }
 
 impl RunRequest {
@@ -27,7 +30,15 @@ impl RunRequest {
     pub(in crate::driver) fn mdi(path: Arc<CompensatedPath>) -> Self {
         let program_id = MDI.to_owned();
         let in_span = StartInSpan::Refused;
-        Self { program_id, revision: 0, path, start_line: 0, in_span, check_only: false }
+        Self {
+            program_id,
+            revision: 0,
+            path,
+            start_line: 0,
+            in_span,
+            check_only: false,
+            tool_diameters_mm: BTreeMap::new(),
+        }
     }
 
     /// Whether it has a bag: a single block has none.

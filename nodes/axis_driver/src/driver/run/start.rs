@@ -1,11 +1,13 @@
 //! Whether a run may begin where the tool and the machine are.
 
-use super::ProgramRun;
+use super::exit::Exit;
 use super::request::RunRequest;
+use super::workplace::WorkplaceCheck;
+use super::{ProgramRun, Stage};
 use crate::codes::error_code;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
-use crate::driver::context::config::START_TOLERANCE_MM;
+use crate::driver::context::config::{ANSWER, START_TOLERANCE_MM};
 use crate::driver::context::machine::Machine;
 use crate::encoder::EncoderConfig;
 use cnc_msgs::contour::Action;
@@ -67,6 +69,37 @@ impl ProgramRun {
         match machine.work_position().filter(|_| is_frame_known) {
             Some(at) => self.check_start(at),
             None => Ok(()),
+        }
+    }
+
+    /// Judges the path anew where the stored positions are others than those that it was judged by;
+    /// true when there is something to judge.
+    pub(super) fn judge_again(&mut self, context: &mut Context) -> bool {
+        let Some(judged_by) = self.judged_by else { return false };
+        let now = context.machine.limits().map(|limits| limits.offsets);
+        if now.is_ok_and(|now| judged_by.is_near(&now)) {
+            return false;
+        }
+        let workplace = WorkplaceCheck::begin(context, &self.job.request, self.first_element);
+        self.judged_again = workplace.map(Box::new);
+        self.judged_again.is_some()
+    }
+
+    /// Judges a slice of it; the first words of the run follow at its end.
+    pub(super) fn step_judgement(&mut self, context: &mut Context) -> Option<Exit> {
+        let workplace = self.judged_again.as_mut()?;
+        self.stage = Stage::Preparing { until: context.now + ANSWER };
+        if !workplace.step(&self.job.request.path) {
+            return None;
+        }
+        let refusal = workplace.refusal(context);
+        self.judged_again = None;
+        match refusal {
+            Some(refusal) => Some(Exit::over(refusal.into())),
+            None => {
+                self.send_preamble(context);
+                None
+            }
         }
     }
 

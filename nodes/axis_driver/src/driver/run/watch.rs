@@ -126,7 +126,7 @@ impl ProgramRun {
             is_by_offset: !machine.shown.has_machine_position,
             work_offset: machine.shown.work_offset,
             feed_mm_per_min: machine.status.as_ref().and_then(|status| status.feed_mm_per_min),
-            feed_override: machine.feed_override(),
+            feed_override: machine.speeds().feed,
             blocks_in_use: machine.blocks_in_use(),
         };
         match watch.judge(&seen) {

@@ -62,6 +62,7 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         start_line: 0,
         in_span: Default::default(),
         check_only,
+        tool_diameters_mm: Default::default(),
     };
     match index {
         0 | 1 => Command::RunProgram(request(index == 1)),

@@ -292,7 +292,16 @@ impl Bench {
         let (program_id, revision) = ("part".to_owned(), self.paths.len() as u64);
         self.paths.push(path.clone());
         let in_span = StartInSpan::Refused;
-        let request = RunRequest { program_id, revision, path, start_line, in_span, check_only };
+        let tool_diameters_mm = Default::default();
+        let request = RunRequest {
+            program_id,
+            revision,
+            path,
+            start_line,
+            in_span,
+            check_only,
+            tool_diameters_mm,
+        };
         self.command(100, Command::RunProgram(request));
     }
 

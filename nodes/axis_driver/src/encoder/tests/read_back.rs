@@ -188,7 +188,7 @@ proptest! {
         for (index, drawn) in drawn.iter().enumerate() {
             let start = path.start_of(index);
             let wanted =
-                crate::estimate::length_mm(&path.elements[index].shape, start, path.elements[index].end);
+                crate::vectors::length_mm(&path.elements[index].shape, start, path.elements[index].end);
             // No circle too many or too few. 64 chords are 0.04 % short of an arc.
             prop_assert!((drawn - wanted).abs() <= 1e-3 + wanted * 2e-3, "{drawn} of {wanted}");
         }

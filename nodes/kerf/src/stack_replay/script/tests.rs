@@ -64,6 +64,7 @@ fn script_from(
         start_line,
         in_span: Default::default(),
         check_only: false,
+        tool_diameters_mm: Default::default(),
     };
     let ns = |second: usize| second as i64 * 1_000_000_000;
     let events = happened.into_iter().enumerate();

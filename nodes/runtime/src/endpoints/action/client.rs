@@ -54,6 +54,9 @@ pub struct GoalHandle<A: Action> {
     shared: Arc<Shared<A>>,
 }
 
+/// The feedback of an action, whoever sent the goals.
+pub struct ActionFeedback<A: Action>(Subscription<FeedbackMessage<A::Feedback>>);
+
 struct Shared<A: Action> {
     name: String,
     send_goal: Client<SendGoal<A>>,
@@ -87,6 +90,28 @@ impl Handle {
             listeners,
         };
         Ok(ActionClient { shared: Arc::new(shared) })
+    }
+}
+
+impl Handle {
+    /// Follows the feedback of an action without a goal of its own.
+    ///
+    /// # Errors
+    /// The name is not valid, or DDS refused.
+    pub fn action_feedback<A: Action + 'static>(
+        &self,
+        name: &str,
+    ) -> Result<ActionFeedback<A>, NodeError> {
+        let names = ActionNames::new::<A>(&self.names().resolve(name)?);
+        let qos = Qos::DEFAULT.with_depth(FEEDBACK_MAX);
+        self.subscription_of(&names.feedback.0, &names.feedback.1, qos).map(ActionFeedback)
+    }
+}
+
+impl<A: Action + 'static> ActionFeedback<A> {
+    /// The next feedback.
+    pub async fn next(&mut self) -> A::Feedback {
+        self.0.next().await.0.feedback
     }
 }
 
@@ -254,5 +279,11 @@ impl<A: Action> std::fmt::Debug for ActionClient<A> {
 impl<A: Action> std::fmt::Debug for GoalHandle<A> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("GoalHandle").field("id", &self.id).finish_non_exhaustive()
+    }
+}
+
+impl<A: Action> std::fmt::Debug for ActionFeedback<A> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ActionFeedback").finish_non_exhaustive()
     }
 }

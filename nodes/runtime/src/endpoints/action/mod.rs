@@ -13,7 +13,7 @@ mod messages;
 mod persistence;
 mod server;
 
-pub use client::{ActionClient, GoalError, GoalHandle};
+pub use client::{ActionClient, ActionFeedback, GoalError, GoalHandle};
 pub use goals::GoalOutcome;
 pub use server::{ActionServer, Goal, GoalOffer, Unfinished};
 

@@ -1,0 +1,218 @@
+//! How long a path takes on this controller: its planner, block by block.
+//!
+//! grbl, grblHAL and FluidNC plan alike: straight blocks in a ring of limited length whose last one
+//! ends at rest, corners by junction deviation, constant acceleration in each block. [`ring`] is that
+//! planner, `chords` are the blocks that the firmware makes of an arc. This file feeds the blocks of
+//! a path into the ring, as fast as the ring takes them: a serial line that is too slow for very
+//! short blocks is not in it, nor what an operator takes. Knows no clock.
+
+mod chords;
+mod ring;
+
+use crate::machine_limits::MachineLimits;
+use crate::machine_path::{Known, MachinePath, Step};
+use chords::Chords;
+use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::path::CompensatedPath;
+use ring::{Block, Ring};
+
+pub use ring::Speeds;
+
+/// Adds up the seconds of a path.
+#[derive(Debug, Clone)]
+pub struct CycleTime {
+    limits: MachineLimits,
+    walk: MachinePath,
+    ring: Ring,
+    /// The rest of the arc whose blocks are being made.
+    arc: Option<(Chords, Option<f64>)>,
+    /// Where the last block ends, in steps.
+    at_steps: [i64; 3],
+    /// A block that starts from rest comes next, after so many seconds.
+    pause_s: Option<f64>,
+    first_element: usize,
+    /// S, M3 and M7 in force: only a change stops the machine.
+    rpm: f64,
+    spindle: SpindleMode,
+    coolant: [bool; 2],
+    seconds: f64,
+}
+
+impl CycleTime {
+    /// Nothing done yet; the path begins with this element. `start_in_machine` is where the axes
+    /// are; `None`: where the path begins.
+    pub fn new(
+        limits: &MachineLimits,
+        path: &CompensatedPath,
+        first_element: usize,
+        start_in_machine: Option<Position>,
+    ) -> Self {
+        // Where the work systems are does not matter, only how far the axes move.
+        let mut offsets = limits.offsets;
+        let known = |place: &mut Option<Position>| {
+            place.get_or_insert([0.0; 3]);
+        };
+        offsets.systems.iter_mut().chain(&mut offsets.references).for_each(known);
+        let mut started = Self {
+            limits: limits.clone(),
+            walk: MachinePath::new(path, &offsets, [None; 3]),
+            ring: Ring::new(limits.planner_blocks),
+            arc: None,
+            at_steps: [0; 3],
+            pause_s: None,
+            first_element,
+            rpm: 0.0,
+            spindle: SpindleMode::Off,
+            coolant: [false; 2],
+            seconds: 0.0,
+        };
+        while started.walk.next_element() < first_element && started.walk.next(path).is_some() {}
+        let start = path.start_of(first_element.min(path.elements.len()));
+        let at = start_in_machine.unwrap_or_else(|| started.walk.work_place(start));
+        started.walk.assume(at);
+        started.at_steps = started.steps(at);
+        started
+    }
+
+    /// Feed and rapid speed in parts of the programmed ones, from here on.
+    pub fn set_speeds(&mut self, speeds: Speeds) {
+        self.ring.set_speeds(speeds);
+    }
+
+    /// Seconds of all that was done.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Seconds of all elements before this one, and of the pauses before them; it never goes back.
+    /// The number of elements means the whole path.
+    pub fn advance_to(&mut self, path: &CompensatedPath, element: usize) -> f64 {
+        while !self.advance_within(path, element, usize::MAX) {}
+        self.seconds
+    }
+
+    /// The same, but no more than so many blocks; true when it is there.
+    pub fn advance_within(
+        &mut self,
+        path: &CompensatedPath,
+        element: usize,
+        blocks_max: usize,
+    ) -> bool {
+        let to_the_end = element >= path.elements.len();
+        for _ in 0..blocks_max {
+            while !self.ring.is_full() && self.push_next(path) {}
+            match self.ring.front_element() {
+                Some(front) if front < element || to_the_end => self.seconds += self.ring.pop(),
+                Some(_) => return true,
+                None => {
+                    // Pauses at the end.
+                    self.seconds += self.pause_s.take().unwrap_or(0.0);
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Puts the next block into the ring; false at the end of the path.
+    fn push_next(&mut self, path: &CompensatedPath) -> bool {
+        loop {
+            let element = self.walk.next_element().saturating_sub(1).max(self.first_element);
+            if let Some((chords, feed)) = &mut self.arc {
+                let feed = *feed;
+                let Some(next) = chords.next() else {
+                    self.arc = None;
+                    continue;
+                };
+                if self.push(next, feed, element) {
+                    return true;
+                }
+                continue;
+            }
+            match self.walk.next(path) {
+                None => return false,
+                Some(Step::Function(action, _)) => self.stop_for(action),
+                Some(Step::Move(it)) => {
+                    let whole = |at: Known| at.map(|value| value.unwrap_or(0.0));
+                    let (from, to) = (whole(it.from), whole(it.to));
+                    let element =
+                        self.walk.next_element().saturating_sub(1).max(self.first_element);
+                    match it.arc {
+                        Some(arc) => {
+                            let chords = Chords::new(from, to, &arc, self.limits.arc_tolerance_mm);
+                            self.arc = Some((chords, it.feed_mm_per_min));
+                        }
+                        None if self.push(to, it.feed_mm_per_min, element) => return true,
+                        None => {}
+                    }
+                }
+            }
+        }
+    }
+
+    /// False where the block is shorter than a step.
+    fn push(&mut self, to: Position, feed_mm_per_min: Option<f64>, element: usize) -> bool {
+        let end = self.steps(to);
+        let start = std::mem::replace(&mut self.at_steps, end);
+        let per_mm = self.limits.steps_per_mm;
+        let way: Position =
+            std::array::from_fn(|axis| (end[axis] - start[axis]) as f64 / per_mm[axis]);
+        let Some(block) = Block::new(&self.limits, way, feed_mm_per_min, element) else {
+            return false;
+        };
+        self.ring.push(&self.limits, block, self.pause_s.take());
+        true
+    }
+
+    fn steps(&self, at: Position) -> [i64; 3] {
+        std::array::from_fn(|axis| (at[axis] * self.limits.steps_per_mm[axis]).round() as i64)
+    }
+
+    /// The firmware waits for all motion before it does these.
+    fn stop_for(&mut self, action: Action) {
+        let seconds = match action {
+            Action::Dwell { seconds } => seconds,
+            Action::SpindleSpeed { rpm } => {
+                let is_new = std::mem::replace(&mut self.rpm, rpm) != rpm;
+                if !is_new || self.limits.is_laser || self.spindle == SpindleMode::Off {
+                    return;
+                }
+                0.0
+            }
+            Action::Spindle(mode) => {
+                if std::mem::replace(&mut self.spindle, mode) == mode {
+                    return;
+                }
+                0.0
+            }
+            Action::Coolant(mode) => {
+                let [mist, flood] = self.coolant;
+                let after = match mode {
+                    CoolantMode::Mist => [true, flood],
+                    CoolantMode::Flood => [mist, true],
+                    CoolantMode::Off => [false; 2],
+                };
+                if std::mem::replace(&mut self.coolant, after) == after {
+                    return;
+                }
+                0.0
+            }
+            Action::ChangeTool { .. } => {
+                self.spindle = SpindleMode::Off;
+                0.0
+            }
+            Action::Stop { optional: false }
+            | Action::ExactStop
+            | Action::Home { .. }
+            | Action::SetWorkOffset { .. }
+            | Action::StoreReference { .. }
+            | Action::ProgramEnd { .. } => 0.0,
+            _ => return,
+        };
+        self.pause_s = Some(self.pause_s.unwrap_or(0.0) + seconds);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,132 @@
+//! A run against the machine: its travel, and what is clamped on it.
+
+use super::request::RunRequest;
+use crate::codes::error_code;
+use crate::driver::answer::Refusal;
+use crate::driver::context::Context;
+use crate::driver::context::limits::CheckTravel;
+use crate::driver::output::LogLevel;
+use crate::envelope::{Envelope, Workplace};
+use crate::machine_limits::{MachineLimits, StoredOffsets};
+use cnc_msgs::contour::Action;
+use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::path::CompensatedPath;
+
+/// Judges the path of a run while it is proved.
+#[derive(Debug)]
+pub(in crate::driver) struct WorkplaceCheck {
+    envelope: Envelope,
+    /// The stored positions that it is judged by.
+    pub(in crate::driver) offsets: StoredOffsets,
+    check_travel: CheckTravel,
+    /// Elements that were judged in slices.
+    judged: usize,
+}
+
+/// Elements that are judged in one go, where nothing else is done with them.
+const ELEMENTS_PER_SLICE: usize = 2_000;
+
+impl WorkplaceCheck {
+    /// `None` where nothing is to be judged, or nothing can be; the log says why.
+    pub(in crate::driver) fn begin(
+        context: &mut Context,
+        request: &RunRequest,
+        first_element: usize,
+    ) -> Option<Self> {
+        let check_travel = context.config.check_travel;
+        if check_travel == CheckTravel::Off && context.config.keep_out.keep_out.is_empty() {
+            return None;
+        }
+        let limits = match limits(context, request) {
+            Ok(limits) => limits,
+            Err(because) => {
+                context.log(LogLevel::Warn, format!("the travel was not checked: {because}"));
+                return None;
+            }
+        };
+        let workplace = Workplace {
+            keep_out: &context.config.keep_out,
+            tool_diameters_mm: &request.tool_diameters_mm,
+            start_in_machine: context.machine.machine_position(),
+        };
+        let envelope = Envelope::new(&limits, &request.path, first_element, workplace);
+        Some(Self { envelope, offsets: limits.offsets, check_travel, judged: 0 })
+    }
+
+    /// Judges a slice; true at the end of the path.
+    pub(in crate::driver) fn step(&mut self, path: &CompensatedPath) -> bool {
+        self.judged = (self.judged + ELEMENTS_PER_SLICE).min(path.elements.len());
+        self.envelope.advance_to(path, self.judged);
+        self.judged == path.elements.len()
+    }
+
+    pub(in crate::driver) fn advance_to(&mut self, path: &CompensatedPath, element: usize) {
+        self.envelope.advance_to(path, element);
+    }
+
+    /// All of it was judged: logs what is worth knowing, and gives why the run is refused.
+    pub(in crate::driver) fn refusal(&self, context: &mut Context) -> Option<Refusal> {
+        let report = self.envelope.report();
+        let is_judged = |finding: &Finding| {
+            self.check_travel != CheckTravel::Off || finding.code == Code::KeepOut
+        };
+        let refuses = |finding: &Finding| {
+            let is_left = finding.code == Code::Travel && self.check_travel != CheckTravel::Refuse;
+            finding.is_error() && !is_left
+        };
+        let (errors, others): (Vec<_>, Vec<_>) =
+            report.findings.into_iter().filter(is_judged).partition(refuses);
+        for finding in others {
+            context.log(LogLevel::Warn, text(&finding));
+        }
+        for what in &report.not_judged {
+            context.log(LogLevel::Info, format!("not checked: {what}"));
+        }
+        let first = errors.first()?;
+        let code = match first.code {
+            Code::KeepOut => error_code::KEEP_OUT,
+            _ => error_code::TRAVEL,
+        };
+        let mut message = text(first);
+        if errors.len() > 1 {
+            message += &format!("; {} more like this: the log has them", errors.len() - 1);
+            errors.iter().for_each(|it| context.log(LogLevel::Error, text(it)));
+        }
+        Some(Refusal::new(code, message))
+    }
+}
+
+/// What the controller has reported about the machine as it will be when the program moves.
+fn limits(context: &Context, request: &RunRequest) -> Result<MachineLimits, String> {
+    let machine = &context.machine;
+    if let Some(name) = machine.other_kinematics() {
+        return Err(format!("with {name} kinematics the travel is not a box"));
+    }
+    if !machine.has_units {
+        return Err("the controller has not reported its units ($13)".into());
+    }
+    let homes_first = |path: &CompensatedPath| {
+        path.events.iter().take_while(|event| event.at_element == 0).any(
+            |event| matches!(event.action, Action::Home { axes } if axes == AxisSet::ALL || axes.is_empty()),
+        )
+    };
+    let limits = machine.limits().map_err(|problem| problem.to_string())?;
+    Ok(match machine.is_homed || homes_first(&request.path) {
+        true => limits,
+        false => limits.not_homed(),
+    })
+}
+
+/// `line 12: what is wrong; what to do`
+fn text(finding: &Finding) -> String {
+    let Finding { source, message, help, .. } = finding;
+    let place = match source.block {
+        Some(block) => format!("line {} (N{block})", source.line),
+        None => format!("line {}", source.line),
+    };
+    match help.as_str() {
+        "" => format!("{place}: {message}"),
+        help => format!("{place}: {message}; {help}"),
+    }
+}

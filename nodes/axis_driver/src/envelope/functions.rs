@@ -1,0 +1,189 @@
+//! Settings of the controller that change what a program asks for.
+//!
+//! Warnings only: the firmware limits a speed or a feed by itself, and laser mode may be meant.
+
+use super::{EnvelopeReport, Workplace, place};
+use crate::machine_limits::MachineLimits;
+use crate::machine_path::MachineMove;
+use crate::vectors::{minus, unit};
+use cnc_msgs::contour::{Action, Source, SpindleMode};
+use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::geometry::{Arc, Position};
+use std::collections::BTreeMap;
+
+/// A tool of at least this diameter is a cutter and no laser, mm.
+const CUTTER_MM: f64 = 1.0;
+/// S changes this often between cuts on one level only where it is the power of a laser.
+const POWER_CHANGES: u32 = 3;
+
+/// Collects what the settings change.
+#[derive(Debug, Clone)]
+pub(super) struct FunctionCheck {
+    limits: MachineLimits,
+    diameters_mm: BTreeMap<u32, f64>,
+    above: Seen,
+    below: Seen,
+    feed: Option<(Source, f64, f64)>,
+    /// The first block that starts the spindle, and how.
+    started: Option<(Source, SpindleMode)>,
+    is_on: bool,
+    tool: u32,
+    cutter: Option<(Source, u32, f64)>,
+    has_moved_z: bool,
+    power_changes: u32,
+    has_cut_since: bool,
+}
+
+/// A value that is out of range: the first block with it, and how many there are.
+#[derive(Debug, Clone, Copy, Default)]
+struct Seen {
+    first: Option<(Source, f64)>,
+    blocks: u32,
+}
+
+impl Seen {
+    fn add(&mut self, source: Source, value: f64) {
+        self.first.get_or_insert((source, value));
+        self.blocks += 1;
+    }
+
+    fn more(self) -> String {
+        match self.blocks {
+            0 | 1 => String::new(),
+            blocks => format!("; {blocks} blocks ask for such a speed"),
+        }
+    }
+}
+
+impl FunctionCheck {
+    pub(super) fn new(limits: &MachineLimits, workplace: Workplace<'_>) -> Self {
+        Self {
+            limits: limits.clone(),
+            diameters_mm: workplace.tool_diameters_mm.clone(),
+            above: Seen::default(),
+            below: Seen::default(),
+            feed: None,
+            started: None,
+            is_on: false,
+            tool: 0,
+            cutter: None,
+            has_moved_z: false,
+            power_changes: 0,
+            has_cut_since: false,
+        }
+    }
+
+    /// `is_run`: it is in the part of the program that is run, and not before it.
+    pub(super) fn see(&mut self, action: Action, source: Source, is_run: bool) {
+        match action {
+            Action::SpindleSpeed { rpm } if is_run => {
+                if self.is_on && std::mem::take(&mut self.has_cut_since) {
+                    self.power_changes += 1;
+                }
+                match self.limits.spindle_rpm {
+                    Some([_, max]) if rpm > max => self.above.add(source, rpm),
+                    Some([min, _]) if rpm > 0.0 && rpm < min => self.below.add(source, rpm),
+                    _ => {}
+                }
+            }
+            Action::Spindle(mode) => {
+                self.is_on = mode != SpindleMode::Off;
+                if self.is_on {
+                    self.started.get_or_insert((source, mode));
+                    let diameter = self.diameters_mm.get(&self.tool).copied().unwrap_or(0.0);
+                    if diameter >= CUTTER_MM {
+                        self.cutter.get_or_insert((source, self.tool, diameter));
+                    }
+                }
+            }
+            Action::ChangeTool { tool } => self.tool = tool,
+            _ => {}
+        }
+    }
+
+    pub(super) fn see_move(&mut self, it: &MachineMove) {
+        self.has_moved_z |= it.from[2].is_some_and(|from| it.to[2] != Some(from));
+        let Some(feed) = it.feed_mm_per_min else { return };
+        self.has_cut_since = true;
+        if self.feed.is_some() {
+            return;
+        }
+        let Some((from, to)) = whole(it.from).zip(whole(it.to)) else { return };
+        let rate = self.slowest(from, to, it.arc.as_ref());
+        if feed > rate * (1.0 + 1e-9) {
+            self.feed = Some((it.source, feed, rate));
+        }
+    }
+
+    /// The least of what the axes can do along a move, mm/min.
+    fn slowest(&self, from: Position, to: Position, arc: Option<&Arc>) -> f64 {
+        let Some(arc) = arc else { return self.limits.rate_along(unit(minus(to, from))) };
+        let [a, b, _] = arc.plane.axes();
+        let tangent = |at: Position| {
+            let mut direction = [0.0; 3];
+            direction[a] = arc.center[b] - at[b];
+            direction[b] = at[a] - arc.center[a];
+            unit(direction)
+        };
+        // Where an arc passes a quadrant, one axis moves alone.
+        let quadrants = arc.outermost(from, to).map(|(axis, _)| {
+            let mut direction = [0.0; 3];
+            direction[if axis == a { b } else { a }] = 1.0;
+            direction
+        });
+        let directions = [tangent(from), tangent(to)].into_iter().chain(quadrants);
+        directions.map(|it| self.limits.rate_along(it)).fold(f64::INFINITY, f64::min)
+    }
+
+    pub(super) fn report(&self, report: &mut EnvelopeReport) {
+        let warn =
+            |source, message: String| Finding::warning(Code::MachineSetting, source, message);
+        let [min, max] = self.limits.spindle_rpm.unwrap_or_default();
+        if let Some((source, rpm)) = self.above.first {
+            let more = self.above.more();
+            let text = format!(
+                "S{rpm} is above the greatest speed of the controller: it turns at {max} rev/min \
+                 ($30){more}"
+            );
+            report.findings.push(warn(source, text).help("program a lower speed, or correct $30"));
+        }
+        if let Some((source, rpm)) = self.below.first {
+            let more = self.below.more();
+            let text = format!(
+                "S{rpm} is below the least speed of the controller: it turns at {min} rev/min \
+                 ($31){more}"
+            );
+            report.findings.push(warn(source, text).help("program a higher speed, or correct $31"));
+        }
+        if let Some((source, feed, rate)) = self.feed {
+            let text = format!(
+                "F{feed} is faster than the axes: the controller moves at {rate:.0} mm/min here \
+                 ($110 to $112); later blocks are not listed"
+            );
+            let help = "program a lower feed; the part takes longer than its feeds say";
+            report.findings.push(warn(source, text).help(help));
+        }
+        if let Some((source, tool, diameter)) = self.cutter.filter(|_| self.limits.is_laser) {
+            let text = format!(
+                "the controller is in laser mode ($32=1), and T{tool} is a cutter of {diameter:.3} \
+                 mm: the spindle is not waited for, and M4 stops it in rapids"
+            );
+            report.findings.push(warn(source, text).help("set $32=0 for a spindle"));
+        }
+        let is_of_a_laser = self.power_changes >= POWER_CHANGES && !self.has_moved_z;
+        if let Some((source, _)) = self.started.filter(|_| is_of_a_laser && !self.limits.is_laser) {
+            let text = format!(
+                "S changes {} times between cuts and Z stays, as in a program for a laser, and the \
+                 controller is not in laser mode ($32=0): it stops at each S, and the beam stays \
+                 on in rapids (on since {})",
+                self.power_changes,
+                place(source)
+            );
+            report.findings.push(warn(source, text).help("set $32=1 for a laser"));
+        }
+    }
+}
+
+fn whole([x, y, z]: [Option<f64>; 3]) -> Option<Position> {
+    Some([x?, y?, z?])
+}

@@ -1,0 +1,330 @@
+//! Programs against a machine of 600 × 400 × 100 mm whose G54 lies at X-500 Y-300 Z-60.
+
+use super::*;
+use crate::driver::Offset;
+use crate::firmware::Firmware;
+use crate::machine_limits::tests::settings;
+use cnc_msgs::contour::{Action, Source, SpindleMode};
+use cnc_msgs::finding::Code;
+use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
+use cnc_msgs::keep_out::{Frame, KeepOutBox};
+use cnc_msgs::path::{PathElement, PathEvent, Role};
+
+/// A path as a list of blocks; line numbers count them.
+#[derive(Default)]
+struct Program(CompensatedPath);
+
+impl Program {
+    fn source(&self) -> Source {
+        let line = self.0.elements.len() + self.0.events.len() + 1;
+        Source { line: line as u32, ..Source::default() }
+    }
+
+    fn go(mut self, axes: &str, end: [f64; 3], feed: Option<f64>, shape: Shape) -> Self {
+        let (axes, source) = (AxisSet::from_letters(axes).expect("axes"), self.source());
+        let (side, role) = (None, Role::None);
+        let element = PathElement { shape, end, feed_mm_per_min: feed, role, side, axes, source };
+        self.0.elements.push(element);
+        self
+    }
+
+    fn rapid(self, axes: &str, end: [f64; 3]) -> Self {
+        self.go(axes, end, None, Shape::Line)
+    }
+
+    fn cut(self, end: [f64; 3]) -> Self {
+        self.go("", end, Some(600.0), Shape::Line)
+    }
+
+    fn arc(self, end: [f64; 3], center: [f64; 3], clockwise: bool, turns: u16) -> Self {
+        let arc = Arc { center, plane: Plane::Xy, clockwise, turns };
+        self.go("XY", end, Some(600.0), Shape::Arc(arc))
+    }
+
+    fn act(mut self, action: Action) -> Self {
+        let (at_element, source) = (self.0.elements.len(), self.source());
+        self.0.events.push(PathEvent { at_element, action, source });
+        self
+    }
+}
+
+fn machine(changes: &[(u16, f64)]) -> MachineLimits {
+    let mut settings = settings(Firmware::Grbl, "V", changes);
+    let stored = |name: &str, position| Offset { name: name.into(), position };
+    settings.offsets = vec![
+        stored("G54", [-500.0, -300.0, -60.0]),
+        stored("G55", [-200.0, -300.0, -60.0]),
+        stored("G28", [-5.0, -5.0, -1.0]),
+        stored("G92", [0.0; 3]),
+        stored("TLO", [0.0; 3]),
+    ];
+    MachineLimits::of(&settings).expect("a machine")
+}
+
+fn judge(limits: &MachineLimits, program: &Program, keep_out: &KeepOut) -> EnvelopeReport {
+    let tools = [(1, 6.0), (2, 0.2)].into();
+    let workplace = Workplace { keep_out, tool_diameters_mm: &tools, start_in_machine: None };
+    let mut envelope = Envelope::new(limits, &program.0, 0, workplace);
+    // In slices, as the driver does it.
+    (0..=program.0.elements.len()).for_each(|end| envelope.advance_to(&program.0, end));
+    envelope.report()
+}
+
+/// Codes with lines, and what the first message has in it.
+#[track_caller]
+fn check(report: &EnvelopeReport, expected: &[(Code, u32, &str)]) {
+    let found: Vec<_> = report.findings.iter().map(|it| (it.code, it.source.line)).collect();
+    let wanted: Vec<_> = expected.iter().map(|(code, line, _)| (*code, *line)).collect();
+    assert_eq!(found, wanted, "{report:#?}");
+    for (finding, (_, _, part)) in report.findings.iter().zip(expected) {
+        let text = format!("{}; {}", finding.message, finding.help);
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+const UP: [f64; 3] = [0.0, 0.0, 10.0];
+
+fn begun() -> Program {
+    Program::default().rapid("Z", UP).rapid("XY", [0.0, 0.0, 10.0])
+}
+
+#[test]
+fn a_program_is_judged_by_its_travel_with_place_numbers_and_remedy() {
+    let full_circle = |radius: f64| {
+        begun().cut([radius, 0.0, 10.0]).arc([radius, 0.0, 10.0], [0.0, 0.0, 10.0], false, 1)
+    };
+    let second = |shift: f64| begun().act(Action::WorkOffset { system: 2 }).cut([shift, 0.0, 10.0]);
+    let length = |length_mm: f64| {
+        Program::default()
+            .act(Action::ToolLength { offset: Some(1), length_mm })
+            .rapid("Z", [0.0, 0.0, 10.0])
+    };
+    let machine_move = |z: f64| {
+        let (target, axes) = ([0.0, 0.0, z], AxisSet::NONE.with(2));
+        Program::default().act(Action::MachineMove {
+            target,
+            axes,
+            rapid: true,
+            feed_mm_per_min: 0.0,
+        })
+    };
+    for (program, expected) in [
+        (begun().cut([500.0, 300.0, 10.0]), &[][..]),
+        (begun().cut([500.0, 300.0, 60.0]), &[]),
+        (
+            begun().cut([500.001, 0.0, 10.0]).cut([512.5, 0.0, 10.0]).cut([0.0, 0.0, 10.0]),
+            &[(
+                Code::Travel,
+                3,
+                "goes to X0.001 in the machine frame (X500.001 in G54), 0.001 mm beyond the travel \
+                 from X-600.000 to X0.000; 2 blocks do so, line 4 the farthest, by 12.500 mm; move \
+                 the work zero of G54 by at least 12.500 mm towards X-",
+            )],
+        ),
+        (begun().cut([-101.0, 0.0, 10.0]), &[(Code::Travel, 3, "X-601.000 in the machine frame")]),
+        (begun().cut([0.0, 0.0, -41.0]), &[(Code::Travel, 3, "towards Z+")]),
+        // Its ends are well within; what it passes is not.
+        (full_circle(99.999), &[]),
+        (full_circle(100.5), &[(Code::Travel, 4, "X-600.500"), (Code::Travel, 4, "Y-400.500")]),
+        (second(200.0), &[]),
+        (second(200.5), &[(Code::Travel, 4, "(X200.500 in G55)")]),
+        (length(50.0), &[]),
+        (length(50.5), &[(Code::Travel, 2, "Z0.500 in the machine frame (Z10.000 in G54)")]),
+        (machine_move(0.0), &[]),
+        (machine_move(0.1), &[(Code::Travel, 1, "Z0.100 in the machine frame (G53)")]),
+        (begun().act(Action::Reference { axes: AxisSet::NONE, second: false }), &[]),
+        // Longer than the travel wherever it is put.
+        (
+            begun().cut([-100.0, 0.0, 10.0]).cut([501.0, 0.0, 10.0]),
+            &[(
+                Code::Travel,
+                4,
+                "needs 601.000 mm in X, from line 3 to line 4; the machine has 600.000 mm ($130), \
+                 1.000 mm less",
+            )],
+        ),
+    ] {
+        check(&judge(&machine(&[]), &program, &KeepOut::default()), expected);
+    }
+}
+
+#[test]
+fn without_a_machine_zero_the_length_alone_is_judged_and_that_is_said() {
+    let far = begun().cut([590.0, 0.0, 10.0]);
+    let long = begun().cut([601.0, 0.0, 10.0]);
+    for limits in [machine(&[(20, 0.0), (22, 0.0)]), machine(&[]).not_homed()] {
+        let report = judge(&limits, &far, &KeepOut::default());
+        check(&report, &[]);
+        assert!(report.not_judged[0].contains("only its length was compared"), "{report:?}");
+        check(&judge(&limits, &long, &KeepOut::default()), &[(Code::Travel, 3, "601.000 mm in X")]);
+    }
+    // What stays where the program left it is not part of what is not judged.
+    let report = judge(&machine(&[]), &far, &KeepOut::default());
+    assert!(report.not_judged.is_empty(), "{report:?}");
+}
+
+#[test]
+fn what_is_not_reported_is_named_and_not_judged() {
+    let mut limits = machine(&[(131, 0.0)]);
+    limits.offsets.systems[2] = None;
+    let program = begun().act(Action::WorkOffset { system: 3 }).cut([9_000.0, 9_000.0, 10.0]);
+    let report = judge(&limits, &program, &KeepOut::default());
+    check(&report, &[]);
+    assert!(report.not_judged.iter().any(|it| it.contains("$131 is 0")), "{report:?}");
+    assert!(report.not_judged.iter().any(|it| it.contains("moves in G56")), "{report:?}");
+}
+
+#[test]
+fn a_run_from_the_middle_is_judged_from_there() {
+    let program = begun().cut([600.0, 0.0, 10.0]).cut([0.0, 0.0, 10.0]).cut([10.0, 0.0, 10.0]);
+    let (none, tools) = (KeepOut::default(), BTreeMap::new());
+    let workplace =
+        Workplace { keep_out: &none, tool_diameters_mm: &tools, start_in_machine: None };
+    for (first, count) in [(0, 1), (2, 1), (3, 0)] {
+        let mut envelope = Envelope::new(&machine(&[]), &program.0, first, workplace);
+        envelope.advance_to(&program.0, program.0.elements.len());
+        assert_eq!(envelope.report().findings.len(), count, "from {first}");
+    }
+}
+
+fn clamp(frame: Frame, min_mm: Position, max_mm: Position) -> KeepOut {
+    KeepOut { keep_out: [("left clamp".to_owned(), KeepOutBox { frame, min_mm, max_mm })].into() }
+}
+
+#[test]
+fn a_tool_that_touches_a_clamp_is_refused_and_one_that_passes_is_not() {
+    let in_work = clamp(Frame::Work(1), [20.0, -10.0, -20.0], [40.0, 10.0, 15.0]);
+    let in_machine = clamp(Frame::Machine, [-480.0, -310.0, -80.0], [-460.0, -290.0, -45.0]);
+    let tool =
+        |tool| Program::default().act(Action::ChangeTool { tool }).rapid("Z", [0.0, 0.0, 10.0]);
+    let at = |tool_number, y: f64, z: f64| {
+        tool(tool_number).rapid("XYZ", [0.0, y, z]).cut([100.0, y, z])
+    };
+    for (program, expected) in [
+        (
+            at(1, 0.0, 10.0),
+            &[(Code::KeepOut, 4, "T1 (radius 3.000 mm) touches the keep-out \"left clamp\"")][..],
+        ),
+        (at(1, 0.0, 16.0), &[]),
+        (at(1, 0.0, 15.0), &[(Code::KeepOut, 4, "0.000 mm below the top")]),
+        (at(1, 13.1, 0.0), &[]),
+        (
+            at(1, 12.0, 0.0),
+            &[(Code::KeepOut, 4, "keep 1.000 mm more distance, or lift the tip above Z-45.000")],
+        ),
+        (at(2, 12.0, 0.0), &[]),
+        (at(2, 10.05, 0.0), &[(Code::KeepOut, 4, "T2 (radius 0.100 mm)")]),
+        // Over it, and down beyond it.
+        (tool(1).rapid("XYZ", [0.0, 0.0, 20.0]).cut([50.0, 0.0, 20.0]).cut([50.0, 0.0, 0.0]), &[]),
+        (
+            tool(1).rapid("XYZ", [0.0, 0.0, 20.0]).cut([42.0, 0.0, 20.0]).cut([42.0, 0.0, 0.0]),
+            &[(Code::KeepOut, 5, "2.000 mm from the side")],
+        ),
+        // Around it: a circle that never comes nearer than the radius, and one that does.
+        (
+            tool(1).rapid("XYZ", [56.0, 0.0, 0.0]).arc([56.0, 0.0, 0.0], [30.0, 0.0, 0.0], true, 1),
+            &[],
+        ),
+        (
+            tool(1).rapid("XYZ", [46.0, 0.0, 0.0]).arc([46.0, 0.0, 0.0], [30.0, 0.0, 0.0], true, 1),
+            &[(Code::KeepOut, 4, "from the side")],
+        ),
+        // The zero moves, the clamp does not.
+        (
+            tool(1)
+                .act(Action::SetWorkOffset {
+                    system: 1,
+                    axes: AxisSet::NONE.with(1),
+                    origin: [0.0, -200.0, 0.0],
+                    by_position: false,
+                })
+                .rapid("XYZ", [0.0, 0.0, 0.0])
+                .cut([100.0, 0.0, 0.0]),
+            &[],
+        ),
+    ] {
+        for keep_out in [&in_work, &in_machine] {
+            check(&judge(&machine(&[]), &program, keep_out), expected);
+        }
+    }
+    // A machine place needs a machine zero, a place on the work does not.
+    let (program, unhomed) = (at(1, 0.0, 10.0), machine(&[(20, 0.0), (22, 0.0)]));
+    check(&judge(&unhomed, &program, &in_work), &[(Code::KeepOut, 4, "touches")]);
+    let report = judge(&unhomed, &program, &in_machine);
+    check(&report, &[]);
+    assert!(
+        report.not_judged.iter().any(|it| it.contains("keep-out \"left clamp\"")),
+        "{report:?}"
+    );
+}
+
+#[test]
+fn a_tool_length_moves_the_axes_and_not_the_tip() {
+    let keep_out = clamp(Frame::Work(1), [20.0, -10.0, -20.0], [40.0, 10.0, 5.0]);
+    let with_length = |z: f64| {
+        Program::default()
+            .act(Action::ToolLength { offset: Some(1), length_mm: 40.0 })
+            .rapid("XYZ", [0.0, 0.0, z])
+            .cut([100.0, 0.0, z])
+    };
+    check(&judge(&machine(&[]), &with_length(6.0), &keep_out), &[]);
+    check(
+        &judge(&machine(&[]), &with_length(4.0), &keep_out),
+        &[(Code::KeepOut, 3, "Z4.000 in G54")],
+    );
+}
+
+#[test]
+fn an_unknown_tool_or_start_is_said() {
+    let keep_out = clamp(Frame::Work(1), [20.0, -10.0, -20.0], [40.0, 10.0, 5.0]);
+    let program = Program::default()
+        .rapid("XY", [30.0, 30.0, 0.0])
+        .cut([31.0, 30.0, 0.0])
+        .cut([31.0, 31.0, -1.0]);
+    let report = judge(&machine(&[]), &program, &keep_out);
+    check(&report, &[]);
+    assert!(
+        report.not_judged.iter().any(|it| it.contains("the way to the end of line 1")),
+        "{report:?}"
+    );
+    assert!(
+        report.not_judged.iter().any(|it| it.contains("the tool in the spindle")),
+        "{report:?}"
+    );
+}
+
+#[test]
+fn settings_that_change_the_program_are_warnings_with_their_line() {
+    let spindle = |rpm| {
+        begun().act(Action::SpindleSpeed { rpm }).act(Action::Spindle(SpindleMode::Clockwise))
+    };
+    let fast = |end: [f64; 3]| begun().go("", end, Some(4_000.0), Shape::Line).cut(UP);
+    let laser = |mode| {
+        let start = begun().act(Action::Spindle(mode));
+        (1..=5).fold(start, |program, pixel: u32| {
+            let at = f64::from(pixel);
+            program.act(Action::SpindleSpeed { rpm: 100.0 * at }).cut([at, 0.0, 10.0])
+        })
+    };
+    let milling = Program::default()
+        .act(Action::ChangeTool { tool: 1 })
+        .act(Action::SpindleSpeed { rpm: 5_000.0 })
+        .act(Action::Spindle(SpindleMode::Clockwise));
+    let setting = Code::MachineSetting;
+    for (changes, program, expected) in [
+        (&[][..], spindle(24_000.0), &[][..]),
+        (&[], spindle(25_000.0), &[(setting, 3, "it turns at 24000 rev/min ($30)")]),
+        (&[(31, 8_000.0)], spindle(8_000.0), &[]),
+        (&[(31, 8_000.0)], spindle(0.0), &[]),
+        (&[(31, 8_000.0)], spindle(900.0), &[(setting, 3, "it turns at 8000 rev/min ($31)")]),
+        (&[], fast([100.0, 0.0, 10.0]), &[]),
+        (&[], fast([0.0, 0.0, 20.0]), &[(setting, 3, "moves at 2000 mm/min here")]),
+        (&[(32, 1.0)], laser(SpindleMode::CounterClockwise), &[]),
+        (&[], laser(SpindleMode::CounterClockwise), &[(setting, 3, "not in laser mode ($32=0)")]),
+        (&[(32, 1.0)], milling, &[(setting, 3, "T1 is a cutter of 6.000 mm")]),
+    ] {
+        let report = judge(&machine(changes), &program, &KeepOut::default());
+        check(&report, expected);
+        assert!(report.findings.iter().all(|it| !it.is_error()));
+    }
+}

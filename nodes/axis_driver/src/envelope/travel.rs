@@ -1,0 +1,284 @@
+//! The travel: where the machine zero is known, each coordinate; else the span of the program.
+//!
+//! Knows moves in the machine frame. Arcs count where they reach out furthest, not by their ends.
+
+use super::{EnvelopeReport, place};
+use crate::machine_limits::{MachineLimits, MachineZero};
+use crate::machine_path::{Known, MachineMove, MoveFrame};
+use cnc_msgs::contour::Source;
+use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::geometry::{AXIS_LETTERS, Position};
+use std::collections::BTreeSet;
+
+/// Half of the last decimal that is sent, mm.
+const TOLERANCE_MM: f64 = 0.000_05;
+
+/// Collects how far each axis goes.
+#[derive(Debug, Clone)]
+pub(super) struct TravelCheck {
+    /// Least and greatest coordinate, where they are known.
+    bounds: Option<[[f64; 2]; 3]>,
+    zero_unknown: Option<&'static str>,
+    travel_mm: [Option<f64>; 3],
+    axes: [AxisReach; 3],
+    /// Words of frames whose place is not known.
+    unplaced: BTreeSet<String>,
+}
+
+/// How far one axis goes.
+#[derive(Debug, Clone, Default)]
+struct AxisReach {
+    least: Option<Reach>,
+    greatest: Option<Reach>,
+    /// Below the travel, and above it.
+    beyond: [Option<Beyond>; 2],
+}
+
+/// A coordinate that an axis reaches.
+#[derive(Debug, Clone, Copy)]
+struct Reach {
+    in_machine: f64,
+    /// In the frame that the move is written in, with the tool length.
+    in_work: Option<f64>,
+    /// The whole place, work frame, mm.
+    position: Option<Position>,
+    frame: MoveFrame,
+    source: Source,
+}
+
+/// All blocks that leave the travel at one end.
+#[derive(Debug, Clone, Copy)]
+struct Beyond {
+    first: Reach,
+    farthest: Reach,
+    blocks: usize,
+    /// Only where all are written in this work system, the work zero alone is to blame.
+    system: Option<u8>,
+    last_line: u32,
+}
+
+impl TravelCheck {
+    pub(super) fn new(limits: &MachineLimits, start: Known) -> Self {
+        let (bounds, zero_unknown) = match limits.zero {
+            MachineZero::Placed { min_mm, max_mm } => {
+                (Some(std::array::from_fn(|axis| [min_mm[axis], max_mm[axis]])), None)
+            }
+            MachineZero::Unknown { because } => (None, Some(because)),
+        };
+        let mut check = Self {
+            bounds,
+            zero_unknown,
+            travel_mm: limits.travel_mm,
+            axes: Default::default(),
+            unplaced: BTreeSet::new(),
+        };
+        // The tool stands within the machine: that counts for the span.
+        for (reach, at) in check.axes.iter_mut().zip(start) {
+            if let (Some(in_machine), None) = (at, bounds) {
+                let frame = MoveFrame::Machine("the start");
+                let source = Source::default();
+                let (in_work, position) = (None, None);
+                reach.widen(Reach { in_machine, in_work, position, frame, source });
+            }
+        }
+        check
+    }
+
+    pub(super) fn see(&mut self, it: &MachineMove) {
+        for axis in (0..3).filter(|&axis| it.axes.contains(axis)) {
+            match it.to[axis] {
+                Some(_) => self.reach(axis, it.to, it),
+                None => {
+                    self.unplaced.insert(it.frame.name());
+                }
+            }
+        }
+        let (Some(arc), [Some(x0), Some(y0), Some(z0)], [Some(x1), Some(y1), Some(z1)]) =
+            (it.arc, it.from, it.to)
+        else {
+            return;
+        };
+        for (axis, value) in arc.outermost([x0, y0, z0], [x1, y1, z1]) {
+            let mut at = arc.center.map(Some);
+            (at[axis], at[arc.plane.axes()[2]]) = (Some(value), it.to[arc.plane.axes()[2]]);
+            self.reach(axis, at, it);
+        }
+    }
+
+    fn reach(&mut self, axis: usize, at: Known, it: &MachineMove) {
+        let Some(in_machine) = at[axis] else { return };
+        let (in_work, position) = match it.frame {
+            MoveFrame::Work { offset, .. } => {
+                let work: Known = std::array::from_fn(|axis| Some(at[axis]? - offset[axis]?));
+                let whole = (work[0].zip(work[1])).zip(work[2]);
+                (work[axis], whole.map(|((x, y), z)| [x, y, z]))
+            }
+            MoveFrame::Machine(_) => (None, None),
+        };
+        let reach = Reach { in_machine, in_work, position, frame: it.frame, source: it.source };
+        self.axes[axis].widen(reach);
+        if self.travel_mm[axis].is_none() {
+            return;
+        }
+        let Some([min, max]) = self.bounds.map(|bounds| bounds[axis]) else { return };
+        for (end, by) in [min - in_machine, in_machine - max].into_iter().enumerate() {
+            if by > TOLERANCE_MM {
+                self.axes[axis].leave(end, reach);
+            }
+        }
+    }
+
+    pub(super) fn report(&self, report: &mut EnvelopeReport) {
+        for (axis, letter) in AXIS_LETTERS.into_iter().enumerate() {
+            let (Some(travel), reach) = (self.travel_mm[axis], &self.axes[axis]) else {
+                let text = format!(
+                    "the travel of {letter}: ${} is 0, or as grbl is delivered while soft limits \
+                     are off ($20=0)",
+                    130 + axis
+                );
+                report.not_judged.push(text);
+                continue;
+            };
+            let span = reach.greatest.zip(reach.least);
+            let span = span.map(|(most, least)| (most.in_machine - least.in_machine, most, least));
+            let room = self.bounds.map_or(travel, |bounds| bounds[axis][1] - bounds[axis][0]);
+            match span {
+                Some((span, most, least)) if span > room + TOLERANCE_MM => {
+                    report.findings.push(too_long(letter, 130 + axis, span, room, most, least));
+                }
+                _ => {
+                    let beyond = reach.beyond.iter().enumerate();
+                    let found = beyond.filter_map(|(end, it)| Some((end, it.as_ref()?)));
+                    let bounds = self.bounds.map(|bounds| bounds[axis]).unwrap_or_default();
+                    report.findings.extend(
+                        found.map(|(end, it)| outside(letter, 130 + axis, end, it, bounds)),
+                    );
+                }
+            }
+        }
+        if let Some(because) = self.zero_unknown {
+            let text = format!(
+                "where the program lies in the travel: {because}; only its length was compared"
+            );
+            report.not_judged.push(text);
+        }
+        for word in &self.unplaced {
+            report.not_judged.push(format!("moves in {word}: its stored position is not known"));
+        }
+    }
+}
+
+impl AxisReach {
+    fn widen(&mut self, reach: Reach) {
+        if self.least.is_none_or(|least| reach.in_machine < least.in_machine) {
+            self.least = Some(reach);
+        }
+        if self.greatest.is_none_or(|greatest| reach.in_machine > greatest.in_machine) {
+            self.greatest = Some(reach);
+        }
+    }
+
+    /// `end` is 0 below the travel, 1 above it.
+    fn leave(&mut self, end: usize, reach: Reach) {
+        let system = match reach.frame {
+            MoveFrame::Work { system, .. } => Some(system),
+            MoveFrame::Machine(_) => None,
+        };
+        let line = reach.source.line;
+        let Some(beyond) = &mut self.beyond[end] else {
+            let (first, farthest) = (reach, reach);
+            let beyond = Beyond { first, farthest, blocks: 1, system, last_line: line };
+            self.beyond[end] = Some(beyond);
+            return;
+        };
+        // An arc is seen at several places.
+        beyond.blocks += usize::from(line != beyond.last_line);
+        beyond.last_line = line;
+        beyond.system = beyond.system.filter(|before| Some(*before) == system);
+        let is_farther = match end {
+            0 => reach.in_machine < beyond.farthest.in_machine,
+            _ => reach.in_machine > beyond.farthest.in_machine,
+        };
+        if is_farther {
+            beyond.farthest = reach;
+        }
+    }
+}
+
+impl Reach {
+    /// `X-612.500 in the machine frame (X112.500 in G54)`
+    fn text(&self, letter: char) -> String {
+        let machine = format!("{letter}{:.3} in the machine frame", self.in_machine);
+        match self.in_work {
+            Some(work) => format!("{machine} ({letter}{work:.3} in {})", self.frame.name()),
+            None => format!("{machine} ({})", self.frame.name()),
+        }
+    }
+
+    /// `line 12 (N70)`
+    fn place(&self) -> String {
+        match self.source.line {
+            0 => self.frame.name(),
+            _ => place(self.source),
+        }
+    }
+}
+
+fn too_long(
+    letter: char,
+    number: usize,
+    span: f64,
+    room: f64,
+    most: Reach,
+    least: Reach,
+) -> Finding {
+    let source = if most.source.line == 0 { least.source } else { most.source };
+    let message = format!(
+        "the program needs {span:.3} mm in {letter}, from {} to {}; the machine has {room:.3} mm \
+         (${number}), {:.3} mm less",
+        least.place(),
+        most.place(),
+        span - room
+    );
+    let mut finding = Finding::error(Code::Travel, source, message).help(format!(
+        "split the program or turn the part; if the travel is wrong, correct ${number}"
+    ));
+    finding.needed_mm = Some(span);
+    finding.available_mm = Some(room);
+    finding
+}
+
+fn outside(letter: char, number: usize, end: usize, it: &Beyond, [min, max]: [f64; 2]) -> Finding {
+    let by = |reach: &Reach| match end {
+        0 => min - reach.in_machine,
+        _ => reach.in_machine - max,
+    };
+    let mut message = format!(
+        "the move goes to {}, {:.3} mm beyond the travel from {letter}{min:.3} to {letter}{max:.3}",
+        it.first.text(letter),
+        by(&it.first)
+    );
+    if it.blocks > 1 {
+        message += &format!(
+            "; {} blocks do so, {} the farthest, by {:.3} mm",
+            it.blocks,
+            it.farthest.place(),
+            by(&it.farthest)
+        );
+    }
+    let towards = if end == 0 { '+' } else { '-' };
+    let help = match it.system {
+        Some(system) => format!(
+            "move the work zero of {} by at least {:.3} mm towards {letter}{towards}; if the \
+             travel is wrong, correct ${number}",
+            cnc_msgs::contour::work_system(system),
+            by(&it.farthest)
+        ),
+        None => format!(
+            "change the position that the block names; if the travel is wrong, correct ${number}"
+        ),
+    };
+    let mut finding = Finding::error(Code::Travel, it.first.source, message).help(help);
+    finding.position = it.first.position;
+    finding
+}

@@ -1,0 +1,149 @@
+//! What is read from settings: the travel of each firmware, and what cannot be a machine.
+
+use super::*;
+use cnc_msgs::machine_file::SettingValue;
+
+/// A router of 600 × 400 × 100 mm that homes, with these changes.
+pub(crate) fn settings(
+    firmware: Firmware,
+    options: &str,
+    changes: &[(u16, f64)],
+) -> ControllerSettings {
+    let mut values: BTreeMap<u16, f64> = [
+        (11, 0.01),
+        (12, 0.002),
+        (20, 1.0),
+        (21, 0.0),
+        (22, 1.0),
+        (23, 0.0),
+        (27, 2.0),
+        (30, 24_000.0),
+        (31, 0.0),
+        (32, 0.0),
+        (110, 5_000.0),
+        (111, 5_000.0),
+        (112, 2_000.0),
+        (120, 500.0),
+        (121, 500.0),
+        (122, 200.0),
+        (130, 600.0),
+        (131, 400.0),
+        (132, 100.0),
+    ]
+    .into();
+    values.extend(changes.iter().copied());
+    ControllerSettings {
+        firmware,
+        options: options.into(),
+        planner_blocks: 15,
+        settings: values.iter().map(|(number, value)| (*number, value.to_string())).collect(),
+        ..ControllerSettings::default()
+    }
+}
+
+#[test]
+fn each_firmware_has_its_zero_where_its_own_check_has_it() {
+    let usual = ([-600.0, -400.0, -100.0], [0.0; 3]);
+    for (firmware, options, changes, expected) in [
+        (Firmware::Grbl, "V", &[][..], usual),
+        // The direction alone moves nothing: the switch is where the travel ends, and reads so.
+        (Firmware::Grbl, "V", &[(23, 3.0)], usual),
+        (Firmware::Grbl, "VZ", &[(23, 3.0)], ([0.0, 0.0, -100.0], [600.0, 400.0, 0.0])),
+        (Firmware::GrblHal, "", &[(23, 3.0)], usual),
+        (
+            Firmware::GrblHal,
+            "",
+            &[(22, 9.0), (23, 1.0)],
+            ([0.0, -400.0, -100.0], [600.0, 0.0, 0.0]),
+        ),
+        // With hard limits the pull-off is kept.
+        (Firmware::GrblHal, "", &[(21, 1.0)], ([-598.0, -398.0, -98.0], [-2.0; 3])),
+        (
+            Firmware::GrblHal,
+            "",
+            &[(21, 1.0), (22, 9.0), (23, 1.0)],
+            ([0.0, -398.0, -98.0], [598.0, 0.0, 0.0]),
+        ),
+    ] {
+        let limits = MachineLimits::of(&settings(firmware, options, changes)).expect("a machine");
+        let (min_mm, max_mm) = expected;
+        let expected = MachineZero::Placed { min_mm, max_mm };
+        assert_eq!(limits.zero, expected, "{firmware:?} {options} {changes:?}");
+        assert!(matches!(limits.not_homed().zero, MachineZero::Unknown { .. }));
+    }
+    for (firmware, changes, because) in [
+        (Firmware::Grbl, &[(20, 0.0), (22, 0.0)][..], "$22=0"),
+        (Firmware::FluidNc, &[], "mpos_mm"),
+    ] {
+        let limits = MachineLimits::of(&settings(firmware, "", changes)).expect("a machine");
+        let MachineZero::Unknown { because: said } = limits.zero else { panic!("{limits:?}") };
+        assert!(said.contains(because), "{said}");
+    }
+}
+
+#[test]
+fn a_travel_that_nobody_has_entered_is_none() {
+    let delivered = [(130, 200.0), (131, 200.0), (132, 200.0)];
+    let of = |changes: &[(u16, f64)]| {
+        MachineLimits::of(&settings(Firmware::Grbl, "V", changes)).expect("a machine").travel_mm
+    };
+    let off = [(20, 0.0)];
+    assert_eq!(of(&[&delivered[..], &off].concat()), [None; 3]);
+    // Who switches soft limits on means it.
+    assert_eq!(of(&delivered), [Some(200.0); 3]);
+    assert_eq!(of(&[(131, 0.0)]), [Some(600.0), None, Some(100.0)]);
+}
+
+#[test]
+fn settings_that_no_machine_has_are_refused_with_their_number() {
+    let of = |settings: &ControllerSettings| MachineLimits::of(settings).unwrap_err();
+    for (changes, message) in [
+        (
+            &[(130, -600.0)][..],
+            "$130 (X-axis maximum travel, mm) is -600; it must be a number of at least 0",
+        ),
+        (&[(112, 0.0)], "$112 (Z-axis maximum rate, mm/min) is 0; it must be a number above 0"),
+        (
+            &[(120, f64::NAN)],
+            "$120 (X-axis acceleration, mm/s²) is NaN; it must be a number above 0",
+        ),
+    ] {
+        let problem = of(&settings(Firmware::Grbl, "V", changes));
+        assert_eq!(problem.to_string(), message);
+        assert_eq!(problem.place().last(), Some(&changes[0].0.to_string()));
+    }
+    let mut less = settings(Firmware::Grbl, "V", &[]);
+    less.settings.retain(|(number, _)| *number != 132);
+    assert_eq!(
+        of(&less).to_string(),
+        "$132 (Z-axis maximum travel, mm) is missing: these are not all settings of a grbl controller"
+    );
+    let mut odd = settings(Firmware::Grbl, "V", &[]);
+    odd.offsets = vec![Offset { name: "G54".into(), position: [0.0, f64::INFINITY, 0.0] }];
+    assert_eq!(of(&odd).to_string(), "Y of G54 is inf; it must be a finite number");
+}
+
+#[test]
+fn a_file_of_another_board_is_named() {
+    let file = |firmware: &str, number: u32| MachineFile {
+        firmware: firmware.into(),
+        version: String::new(),
+        options: String::new(),
+        planner_blocks: None,
+        settings: [(number, SettingValue::Number(1.0))].into(),
+        offsets_mm: BTreeMap::new(),
+    };
+    for (file, message) in [
+        (file("marlin", 100), "firmware \"marlin\" is not known; known are grbl, grblHAL, FluidNC"),
+        (
+            file("grbl", 341),
+            "a grbl controller has no setting $341: is this the file of another board?",
+        ),
+    ] {
+        assert_eq!(settings_of_file(&file).unwrap_err().to_string(), message);
+    }
+    assert_eq!(
+        settings_of_file(&file("grblhal", 341)).expect("its own").firmware,
+        Firmware::GrblHal
+    );
+}

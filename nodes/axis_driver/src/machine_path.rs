@@ -1,0 +1,239 @@
+//! A compensated path in the machine frame.
+//!
+//! The path is written in work systems and with tool lengths; what the axes do follows from the
+//! stored offsets. This file walks along a path and keeps both, axis by axis, with what is not
+//! known: nobody has said where the tool is before the first move of an axis. Judges nothing.
+
+use crate::encoder::words::to_grid;
+use crate::machine_limits::StoredOffsets;
+use cnc_msgs::contour::{Action, Source, work_system};
+use cnc_msgs::geometry::{Arc, AxisSet, Position, Shape};
+use cnc_msgs::path::CompensatedPath;
+
+/// A coordinate of each axis, where it is known.
+pub(crate) type Known = [Option<f64>; 3];
+
+/// One move of the axes, mm; positions are those of the axes, with the tool length in them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct MachineMove {
+    pub(crate) from: Known,
+    pub(crate) to: Known,
+    /// Its centre is in the machine frame.
+    pub(crate) arc: Option<Arc>,
+    /// `None` for a rapid.
+    pub(crate) feed_mm_per_min: Option<f64>,
+    pub(crate) source: Source,
+    pub(crate) frame: MoveFrame,
+    /// The axes that this move gives.
+    pub(crate) axes: AxisSet,
+    /// What of Z is the tool length.
+    pub(crate) tool_length_mm: f64,
+    pub(crate) tool: u32,
+}
+
+/// What a move is written in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum MoveFrame {
+    /// A work system, 1 to 9, and what is added to its coordinates, mm.
+    Work { system: u8, offset: Known },
+    /// `G53`, `G28`, `G30`.
+    Machine(&'static str),
+}
+
+impl MoveFrame {
+    /// `G54`, `G53`.
+    pub(crate) fn name(&self) -> String {
+        match self {
+            Self::Work { system, .. } => work_system(*system),
+            Self::Machine(word) => (*word).to_owned(),
+        }
+    }
+}
+
+/// Walks along a path.
+#[derive(Debug, Clone)]
+pub(crate) struct MachinePath {
+    systems: [Known; 9],
+    references: [Known; 2],
+    shift: Position,
+    /// 1 to 9.
+    system: u8,
+    tool_length_mm: f64,
+    tool: u32,
+    at: Known,
+    next_element: usize,
+    next_event: usize,
+}
+
+/// What comes next along a path.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Step {
+    Move(MachineMove),
+    /// Something else, before the next move.
+    Function(Action, Source),
+}
+
+impl MachinePath {
+    /// The beginning of a path. `at` is where the axes are, as far as it is known.
+    pub(crate) fn new(path: &CompensatedPath, offsets: &StoredOffsets, at: Known) -> Self {
+        let known = |place: Option<Position>| match place {
+            Some(place) => place.map(Some),
+            None => [None; 3],
+        };
+        let mut begun = Self {
+            systems: offsets.systems.map(known),
+            references: offsets.references.map(known),
+            shift: offsets.shift,
+            // The words that every run begins with.
+            system: 1,
+            tool_length_mm: 0.0,
+            tool: 0,
+            at,
+            next_element: 0,
+            next_event: 0,
+        };
+        // A run begins only where the path relies on it.
+        let offset = begun.offset();
+        for axis in (0..3).filter(|&axis| path.assumed_axes.contains(axis)) {
+            begun.at[axis] = begun.at[axis].or(offset[axis].map(|it| it + path.start[axis]));
+        }
+        begun
+    }
+
+    /// A place of the work system in force; where its offset is not known, the offset is 0.
+    pub(crate) fn work_place(&self, place: Position) -> Position {
+        let offset = self.offset();
+        std::array::from_fn(|axis| place[axis] + offset[axis].unwrap_or(0.0))
+    }
+
+    /// The axes are here now.
+    pub(crate) fn assume(&mut self, at: Position) {
+        self.at = at.map(Some);
+    }
+
+    /// The element that comes next.
+    pub(crate) fn next_element(&self) -> usize {
+        self.next_element
+    }
+
+    /// What is added to a coordinate of the work system in force.
+    fn offset(&self) -> Known {
+        let system = self.systems[usize::from(self.system.clamp(1, 9)) - 1];
+        let length = [0.0, 0.0, self.tool_length_mm];
+        std::array::from_fn(|axis| Some(system[axis]? + self.shift[axis] + length[axis]))
+    }
+
+    /// Gives what comes next; `None` at the end of the path.
+    pub(crate) fn next(&mut self, path: &CompensatedPath) -> Option<Step> {
+        let event = path.events.get(self.next_event);
+        let has_element = self.next_element < path.elements.len();
+        match event.filter(|event| event.at_element <= self.next_element || !has_element) {
+            Some(event) => {
+                self.next_event += 1;
+                Some(self.function(event.action, event.source))
+            }
+            None if has_element => {
+                self.next_element += 1;
+                Some(Step::Move(self.element(path, self.next_element - 1)))
+            }
+            None => None,
+        }
+    }
+
+    fn element(&mut self, path: &CompensatedPath, index: usize) -> MachineMove {
+        let element = &path.elements[index];
+        let (start, offset, from) = (path.start_of(index), self.offset(), self.at);
+        let mut axes = AxisSet::NONE;
+        let arc = match element.shape {
+            Shape::Line => None,
+            Shape::Arc(arc) => Some(arc),
+        };
+        for axis in 0..3 {
+            let is_of_arc = arc.is_some_and(|arc| arc.plane.axes()[2] != axis);
+            let moves = to_grid(element.end[axis]) != to_grid(start[axis]);
+            if is_of_arc || moves || element.axes.contains(axis) {
+                axes = axes.with(axis);
+                self.at[axis] = offset[axis].map(|it| it + element.end[axis]);
+            }
+        }
+        let arc = arc.map(|arc| {
+            let center = std::array::from_fn(|axis| arc.center[axis] + offset[axis].unwrap_or(0.0));
+            Arc { center, ..arc }
+        });
+        let frame = MoveFrame::Work { system: self.system, offset };
+        self.moved(from, arc, element.feed_mm_per_min, element.source, frame, axes)
+    }
+
+    fn moved(
+        &self,
+        from: Known,
+        arc: Option<Arc>,
+        feed_mm_per_min: Option<f64>,
+        source: Source,
+        frame: MoveFrame,
+        axes: AxisSet,
+    ) -> MachineMove {
+        let Self { at, tool, tool_length_mm, .. } = *self;
+        MachineMove {
+            from,
+            to: at,
+            arc,
+            feed_mm_per_min,
+            source,
+            frame,
+            axes,
+            tool_length_mm,
+            tool,
+        }
+    }
+
+    fn function(&mut self, action: Action, source: Source) -> Step {
+        let from = self.at;
+        match action {
+            Action::WorkOffset { system } => self.system = system,
+            Action::ToolLength { offset, length_mm } => {
+                self.tool_length_mm = if offset.is_some() { length_mm } else { 0.0 };
+            }
+            Action::ChangeTool { tool } => self.tool = tool,
+            Action::SetWorkOffset { system, axes, origin, by_position } => {
+                self.set_offset(system, axes, origin, by_position);
+            }
+            Action::StoreReference { second } => self.references[usize::from(second)] = self.at,
+            // Where the switches are is the business of the machine.
+            Action::Home { axes } => {
+                let all = if axes.is_empty() { AxisSet::ALL } else { axes };
+                (0..3).filter(|&axis| all.contains(axis)).for_each(|axis| self.at[axis] = None);
+            }
+            Action::MachineMove { target, axes, rapid, feed_mm_per_min } => {
+                (0..3)
+                    .filter(|&axis| axes.contains(axis))
+                    .for_each(|axis| self.at[axis] = Some(target[axis]));
+                let feed = (!rapid).then_some(feed_mm_per_min);
+                let frame = MoveFrame::Machine("G53");
+                return Step::Move(self.moved(from, None, feed, source, frame, axes));
+            }
+            Action::Reference { axes, second } => {
+                let axes = if axes.is_empty() { AxisSet::ALL } else { axes };
+                let stored = self.references[usize::from(second)];
+                (0..3)
+                    .filter(|&axis| axes.contains(axis))
+                    .for_each(|axis| self.at[axis] = stored[axis]);
+                let frame = MoveFrame::Machine(if second { "G30" } else { "G28" });
+                return Step::Move(self.moved(from, None, None, source, frame, axes));
+            }
+            _ => {}
+        }
+        Step::Function(action, source)
+    }
+
+    fn set_offset(&mut self, system: u8, axes: AxisSet, origin: Position, by_position: bool) {
+        let Some(stored) = self.systems.get_mut(usize::from(system.max(1)) - 1) else { return };
+        let length = [0.0, 0.0, self.tool_length_mm];
+        for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+            stored[axis] = match by_position {
+                false => Some(origin[axis]),
+                true => self.at[axis].map(|at| at - self.shift[axis] - length[axis] - origin[axis]),
+            };
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Lengths and directions of moves.
+
+#[cfg(test)]
+use cnc_msgs::geometry::Shape;
+use cnc_msgs::geometry::{Arc, Position};
+use std::f64::consts::TAU;
+
+/// The length of one element, mm.
+#[cfg(test)]
+pub(crate) fn length_mm(shape: &Shape, start: Position, end: Position) -> f64 {
+    match shape {
+        Shape::Line => norm(minus(end, start)),
+        Shape::Arc(arc) => {
+            let [a, b, normal] = arc.plane.axes();
+            let radius = (start[a] - arc.center[a]).hypot(start[b] - arc.center[b]);
+            (radius * sweep(arc, start, end)).hypot(end[normal] - start[normal])
+        }
+    }
+}
+
+/// The angle of an arc along its direction, all turns together, rad.
+pub(crate) fn sweep(arc: &Arc, start: Position, end: Position) -> f64 {
+    let [a, b, _] = arc.plane.axes();
+    let angle = |point: Position| (point[b] - arc.center[b]).atan2(point[a] - arc.center[a]);
+    let turned = angle(end) - angle(start);
+    let turned = if arc.clockwise { -turned } else { turned }.rem_euclid(TAU);
+    let is_whole = arc.turns > 0 && (end[a] - start[a]).hypot(end[b] - start[b]) < 1e-6;
+    if is_whole { 0.0 } else { turned }.mul_add(1.0, TAU * f64::from(arc.turns))
+}
+
+pub(crate) fn minus(a: Position, b: Position) -> Position {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub(crate) fn dot(a: Position, b: Position) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(crate) fn norm(a: Position) -> f64 {
+    dot(a, a).sqrt()
+}
+
+pub(crate) fn unit(a: Position) -> Position {
+    let length = norm(a);
+    if length > 0.0 { a.map(|value| value / length) } else { a }
+}

@@ -1,0 +1,139 @@
+//! `kerf plan --machine` and `--keep-out`: what is said, and the exit status.
+
+use super::said;
+use super::support::Folder;
+use serde_json::Value;
+
+const MACHINE: &str = "\
+firmware: grbl
+version: \"1.1h\"
+options: V
+planner_blocks: 15
+settings:
+  11: 0.010
+  12: 0.002
+  20: 1
+  22: 1
+  23: 0
+  30: 24000
+  31: 0
+  32: 0
+  100: 250
+  101: 250
+  102: 250
+  110: 5000.000
+  111: 5000.000
+  112: 2000.000
+  120: 500.000
+  121: 500.000
+  122: 200.000
+  130: 600.000
+  131: 400.000
+  132: 100.000
+offsets_mm:
+  G54: [-500, -300, -60]
+  G55: [-100, -300, -60]
+";
+const TOOLS: &str = "tools:\n  1: {diameter_mm: 6.0}\n";
+const CLAMP: &str =
+    "keep_out:\n  left clamp: {frame: G54, min_mm: [50, -5, -20], max_mm: [60, 5, 8]}\n";
+
+fn folder(program: &str) -> Folder {
+    let folder = Folder::new();
+    for (name, text) in [
+        ("part.ngc", program),
+        ("router.yaml", MACHINE),
+        ("tools.yaml", TOOLS),
+        ("clamps.yaml", CLAMP),
+    ] {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    }
+    folder
+}
+
+const PLAN: [&str; 6] = ["plan", "part.ngc", "--tools", "tools.yaml", "--machine", "router.yaml"];
+
+#[test]
+fn a_program_that_fits_says_so_with_its_time() {
+    let folder = folder("G21 G90\nT1 M6\nG0 Z20\nG0 X0 Y0\nG1 Z-1 F300\nX100 F600\nM2\n");
+    said(&folder, &PLAN)
+        .expect(0)
+        .says(&["fits the machine of router.yaml (grbl); takes 15.", "part.ngc: accepted"]);
+    let json: Value =
+        serde_json::from_str(&said(&folder, &[&PLAN[..], &["--json"]].concat()).expect(0).out)
+            .expect("JSON");
+    let machine = &json["machine"];
+    let seconds = machine["seconds"].as_f64().expect("a number");
+    // 21 mm down at 5 mm/s, 100 mm at 10 mm/s, and the rapid up.
+    assert!((14.0..16.0).contains(&seconds), "{machine}");
+    assert_eq!(machine["firmware"], "grbl");
+    assert_eq!(machine["not_judged"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn a_program_that_leaves_the_machine_is_refused_with_line_place_and_numbers() {
+    let folder = folder("G21 G90\nG0 Z20\nG0 X0 Y0\nG55\nG1 X112.5 Y0 F600\nM2\n");
+    said(&folder, &PLAN).expect(1).says(&[
+        "error[travel]",
+        "X12.500 in the machine frame (X112.500 in G55), 12.500 mm beyond the travel",
+        "part.ngc:5:1",
+        "move the work zero of G55 by at least 12.500 mm towards X-",
+        "does not fit the machine of router.yaml",
+    ]);
+    let ran = said(&folder, &[&PLAN[..], &["--json"]].concat()).expect(1);
+    let json: Value = serde_json::from_str(&ran.out).expect("JSON");
+    assert_eq!(json["accepted"], false);
+    assert_eq!(json["elements"], Value::Array(Vec::new()));
+    assert!(!json["refused_elements"].as_array().expect("a list").is_empty());
+    assert_eq!(json["findings"][0]["code"], "travel");
+    // Without the machine it is a good program.
+    said(&folder, &PLAN[..4]).expect(0);
+}
+
+#[test]
+fn a_clamp_in_the_way_is_named_and_one_beside_it_is_not() {
+    let program = |y: &str| {
+        format!("G21 G90\nT1 M6\nG0 Z20\nG0 X0 Y{y}\nG1 Z-1 F300\nX100 F600\nG0 Z20\nM2\n")
+    };
+    let args = [&PLAN[..], &["--keep-out", "clamps.yaml"]].concat();
+    let hit = folder(&program("7"));
+    said(&hit, &args).expect(1).says(&[
+        "error[keep_out]: T1 (radius 3.000 mm) touches the keep-out \"left clamp\"",
+        "part.ngc:6:1",
+        "2.000 mm from the side, and 9.000 mm below the top",
+        "keep 1.000 mm more distance",
+    ]);
+    said(&folder(&program("8.1")), &args).expect(0);
+}
+
+#[test]
+fn files_that_are_no_machine_are_refused_with_their_line() {
+    let folder = folder("G21\nG1 X1 F100\nM2\n");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    };
+    for (text, says) in [
+        (
+            MACHINE.replace("130: 600", "130: -600"),
+            "m.yaml:23: $130 (X-axis maximum travel, mm) is -600",
+        ),
+        (
+            MACHINE.replace("  132: 100.000\n", ""),
+            "m.yaml:5: $132 (Z-axis maximum travel, mm) is missing",
+        ),
+        (MACHINE.replace("  30: 24000\n", "  376: 1\n"), "is this the file of another board?"),
+        (MACHINE.replace("grbl", "marlin"), "m.yaml:1: firmware \"marlin\" is not known"),
+        (MACHINE.replace("G55:", "G66:"), "m.yaml:28: G66 is not a stored position"),
+        (MACHINE.replace("[-500,", "[.inf,"), "m.yaml:27: X of G54 is inf"),
+        ("$0=10\n$1=25\n".into(), "m.yaml:1: this is the output of $$"),
+        (TOOLS.into(), "m.yaml:1:1: unknown field `tools`"),
+    ] {
+        write("m.yaml", &text);
+        said(&folder, &["plan", "part.ngc", "--machine", "m.yaml"]).expect(2).says(&[says]);
+    }
+    write("k.yaml", "keep_out:\n  vice: {frame: G54, min_mm: [0, 0, 9], max_mm: [1, 1, 1]}\n");
+    let args = [&PLAN[..], &["--keep-out", "k.yaml"]].concat();
+    said(&folder, &args).expect(2).says(&["k.yaml:2: \"vice\" has no size in Z"]);
+    said(&folder, &["plan", "part.ngc", "--keep-out", "k.yaml"]).expect(2).says(&["--machine"]);
+    said(&folder, &["plan", "part.ngc", "--machine", "none.yaml"]).expect(2).says(&["none.yaml"]);
+}

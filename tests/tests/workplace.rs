@@ -1,0 +1,188 @@
+//! A program against the machine that it would run on: the driver and the virtual controller.
+
+use axis_driver::codes::error_code;
+use axis_driver::driver::{
+    CheckTravel, Command, DriverConfig, OffsetRequest, Refusal, RunOutcome, RunRequest,
+};
+use cnc_msgs::contour::{Action, Source};
+use cnc_msgs::geometry::{AxisSet, Shape};
+use cnc_msgs::keep_out::{Frame, KeepOut, KeepOutBox};
+use cnc_msgs::machine::Mode;
+use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
+use kerf_tests::line::{Line, straight};
+use std::sync::Arc;
+use virtual_controller::{Build, Firmware, Settings};
+
+/// A router of 600 × 400 × 100 mm, homed, whose G54 lies at X-500 Y-300 Z-60.
+fn homed(firmware: Firmware, config: DriverConfig) -> Line {
+    let mut settings = Settings::small_router_of(firmware);
+    settings.set_line("$22=1").unwrap();
+    settings.set_line("$20=1").unwrap();
+    let mut line = Line::new(config, Build::new(settings), &[]);
+    line.until("locked or idle", |line| matches!(line.mode(), Mode::Alarm | Mode::Idle));
+    line.ask(Command::Home).unwrap();
+    set_zero(&mut line, [-500.0, -300.0, -60.0]);
+    line
+}
+
+fn set_zero(line: &mut Line, position: [f64; 3]) {
+    let request = OffsetRequest { system: 1, axes: AxisSet::ALL, position, is_origin: true };
+    line.ask(Command::SetWorkOffset(request)).unwrap();
+}
+
+/// To these places in a row, from line 1 on.
+fn path(ends: &[[f64; 3]]) -> CompensatedPath {
+    let element = |(end, line): (&[f64; 3], u32)| PathElement {
+        side: None,
+        shape: Shape::Line,
+        end: *end,
+        feed_mm_per_min: Some(1_200.0),
+        role: Role::None,
+        axes: AxisSet::ALL,
+        source: Source { line, block: Some(10 * line), ..Source::default() },
+    };
+    CompensatedPath { elements: ends.iter().zip(1..).map(element).collect(), ..Default::default() }
+}
+
+fn request(path: CompensatedPath) -> RunRequest {
+    RunRequest {
+        program_id: "part".into(),
+        revision: 1,
+        path: Arc::new(path),
+        start_line: 0,
+        in_span: Default::default(),
+        check_only: false,
+        tool_diameters_mm: [(1, 6.0)].into(),
+    }
+}
+
+#[track_caller]
+fn refused(line: &mut Line, request: RunRequest) -> Refusal {
+    let (then, stands) = (line.now, line.axes());
+    let refusal = line.ask(Command::RunProgram(request)).expect_err("it is refused");
+    line.wait(1.0);
+    assert_eq!(line.said_since(then), "", "nothing is sent");
+    assert_eq!((line.axes(), line.mode()), (stands, Mode::Idle));
+    refusal
+}
+
+const OUT: [[f64; 3]; 3] = [[10.0, 0.0, 5.0], [512.5, 0.0, 5.0], [10.0, 0.0, 5.0]];
+
+#[test]
+fn a_program_that_leaves_the_travel_is_refused_before_the_first_byte() {
+    for firmware in [Firmware::Grbl, Firmware::GrblHal] {
+        let mut line = homed(firmware, DriverConfig::default());
+        let refusal = refused(&mut line, request(path(&OUT)));
+        assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal}");
+        let said = "line 2 (N20): the move goes to X12.500 in the machine frame (X512.500 in G54), \
+                    12.500 mm beyond the travel from X-600.000 to X0.000; move the work zero of G54 \
+                    by at least 12.500 mm towards X-";
+        assert!(refusal.message.starts_with(said), "{firmware}: {refusal}");
+        // A check says the same, and a single block is no exception.
+        let check = RunRequest { check_only: true, ..request(path(&OUT)) };
+        assert_eq!(refused(&mut line, check).error_code, error_code::TRAVEL);
+        let block = Arc::new(path(&OUT[1..2]));
+        let refusal = line.ask(Command::ExecuteMdi { path: block }).unwrap_err();
+        assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal}");
+        // What the help says helps.
+        set_zero(&mut line, [-512.5, -300.0, -60.0]);
+        assert_eq!(line.run(path(&OUT)).outcome, RunOutcome::Succeeded);
+    }
+}
+
+#[test]
+fn a_program_that_just_fits_runs_to_both_ends() {
+    for firmware in [Firmware::Grbl, Firmware::GrblHal] {
+        let mut line = homed(firmware, DriverConfig::default());
+        let corners = [[500.0, 300.0, 60.0], [-100.0, -100.0, 60.0], [-100.0, -100.0, -40.0]];
+        let result = line.run(path(&corners));
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {}", result.message);
+    }
+}
+
+#[test]
+fn without_homing_only_a_program_that_is_longer_than_the_machine_is_refused() {
+    for firmware in Firmware::ALL {
+        let build = Build::new(Settings::small_router_of(firmware));
+        let mut line = Line::connected(build.clone());
+        assert_eq!(line.run(straight(1, 590.0)).outcome, RunOutcome::Succeeded);
+        assert!(
+            line.log.iter().any(|text| text.contains("only its length was compared")),
+            "{:?}",
+            line.log
+        );
+        let mut line = Line::connected(build);
+        let refusal = refused(&mut line, request(straight(1, 601.0)));
+        assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal}");
+        assert!(refusal.message.contains("needs 601.000 mm in X"), "{refusal}");
+    }
+}
+
+#[test]
+fn who_wants_it_is_warned_or_left_alone() {
+    // Without soft limits, which would stop the machine.
+    let run = |check_travel| {
+        let config = DriverConfig { check_travel, ..DriverConfig::default() };
+        let mut line = homed(Firmware::Grbl, config);
+        line.ask(Command::SoftReset).unwrap();
+        line.until("idle", |line| line.mode() == Mode::Idle || line.mode() == Mode::Alarm);
+        let request = RunRequest { check_only: true, ..request(path(&OUT)) };
+        line.ask(Command::RunProgram(request)).expect("it is accepted");
+        line.log.iter().any(|text| text.contains("beyond the travel") || text.contains("needs"))
+    };
+    assert!(run(CheckTravel::Warn));
+    assert!(!run(CheckTravel::Off));
+}
+
+#[test]
+fn a_tool_that_would_touch_a_clamp_is_refused_with_the_name_of_the_clamp() {
+    let it = KeepOutBox {
+        frame: Frame::Work(1),
+        min_mm: [100.0, 2.0, -20.0],
+        max_mm: [120.0, 20.0, 15.0],
+    };
+    let keep_out = KeepOut { keep_out: [("left clamp".to_owned(), it)].into() };
+    let config = DriverConfig { keep_out, check_travel: CheckTravel::Off, ..Default::default() };
+    let mut line = homed(Firmware::Grbl, config);
+    let cut = |y: f64| {
+        let mut path = path(&[[10.0, y, 30.0], [10.0, y, 5.0], [200.0, y, 5.0]]);
+        let action = Action::ChangeTool { tool: 1 };
+        path.events.push(PathEvent { at_element: 0, action, source: Source::default() });
+        path
+    };
+    let refusal = refused(&mut line, request(cut(0.0)));
+    assert_eq!(refusal.error_code, error_code::KEEP_OUT, "{refusal}");
+    for part in
+        ["line 3 (N30): T1 (radius 3.000 mm) touches", "\"left clamp\"", "2.000 mm from the side"]
+    {
+        assert!(refusal.message.contains(part), "{refusal}");
+    }
+    let accepted = line.ask(Command::RunProgram(request(cut(-1.5))));
+    accepted.expect("it passes with 0.5 mm");
+}
+
+#[test]
+fn a_zero_that_a_pendant_has_moved_counts_before_the_first_line() {
+    for (x, fits) in [(-400, true), (-5, false)] {
+        let mut line = homed(Firmware::Grbl, DriverConfig::default());
+        // The driver sees it when it asks for the offsets, after the check.
+        line.wait(1.0);
+        line.inject("mute:ok");
+        let now = line.now;
+        let text = format!("G10L2P1X{x}\n");
+        line.controller.device_mut().controller_mut().receive(now, text.as_bytes());
+        line.wait(0.01);
+        let stands = line.axes();
+        line.begin(Command::RunProgram(request(path(&OUT[2..]))));
+        line.until("the run ends", |line| line.finished.is_some());
+        let result = line.finished.take().expect("it ends");
+        if fits {
+            assert_eq!(result.outcome, RunOutcome::Succeeded, "{}", result.message);
+            continue;
+        }
+        let found = (result.outcome, result.error_code);
+        assert_eq!(found, (RunOutcome::Aborted, error_code::TRAVEL), "{}", result.message);
+        assert!(result.message.contains("X5.000 in the machine frame"), "{}", result.message);
+        assert_eq!(line.axes(), stands);
+    }
+}
