@@ -183,6 +183,7 @@ impl Shell {
             start_line: 0,
             in_span: Default::default(),
             check_only: false,
+            tool_diameters_mm: Default::default(),
         };
         self.command(Command::RunProgram(request)).expect("it begins");
     }
