@@ -1,7 +1,7 @@
 //! A page of the first bag of each group, as `kerf replay --html` draws it.
 
 use crate::FleetError;
-use crate::core::key::bag_object;
+use crate::core::key::{bag_object, is_key};
 use crate::report::Report;
 use crate::store::{Missing, Store};
 use std::collections::BTreeSet;
@@ -26,7 +26,7 @@ pub fn draw(
     let against = report.against.iter().flat_map(|it| &it.groups);
     let groups = report.groups.iter().chain(against).flat_map(|it| it.shown());
     let bags: BTreeSet<String> = groups.map(|group| group.first_bag.clone()).collect();
-    for bag in bags {
+    for bag in bags.into_iter().filter(|bag| is_key(bag)) {
         let object = bag_object(&bag);
         let content = match store.get(&object) {
             Ok(content) => content,
@@ -34,10 +34,15 @@ pub fn draw(
                 say(&format!("{object}: it is not in the store, so there is no page of it"));
                 continue;
             }
-            Err(Missing::Failed(error)) => return Err(error),
+            Err(Missing::Failed(error)) => {
+                say(&error.to_string());
+                continue;
+            }
         };
         let file = folder.join(&bag[..12.min(bag.len())]).with_extension("html");
         let copy = file.with_extension("mcap");
+        // A page of before is not one of today.
+        let _ = fs::remove_file(&file);
         fs::write(&copy, &content).map_err(|why| FleetError::file(&copy, why))?;
         let mut replay = Command::new(&kerf);
         replay.arg("replay").arg(&copy).arg("--html").arg(&file);

@@ -181,7 +181,10 @@ impl Report {
     pub fn page_command(&self, bag: &str) -> String {
         if self.store.starts_with("s3://") {
             let store = shell_word(&self.store);
-            return format!("kerf fleet report --store {store} --html report.html --pages");
+            let build = shell_word(&self.build);
+            return format!(
+                "kerf fleet report --store {store} --build {build} --html report.html --pages"
+            );
         }
         let folder = self.store.strip_prefix("file://").unwrap_or(&self.store);
         format!(

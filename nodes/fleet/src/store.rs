@@ -263,9 +263,9 @@ impl Store {
             Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => FleetError::Denied {
                 store: self.name.clone(),
                 object: object.to_owned(),
-                why: error.to_string(),
+                why: code_of(&error.to_string()),
             },
-            error => self.failed(object, error),
+            error => self.failed(object, &code_of(&error.to_string())),
         }
     }
 
@@ -308,6 +308,13 @@ impl<'a> Place<'a> {
     }
 }
 
+/// What a server says without its XML, which may repeat the key that it refuses.
+fn code_of(text: &str) -> String {
+    let Some((before, xml)) = text.split_once("<?xml") else { return text.to_owned() };
+    let code = xml.split_once("<Code>").and_then(|(_, rest)| rest.split_once("</Code>"));
+    format!("{}{}", before, code.map_or("", |(code, _)| code))
+}
+
 /// Whether another try has the same answer.
 fn is_final(error: &Error) -> bool {
     !matches!(error, Error::Generic { .. } | Error::JoinError { .. })
@@ -338,6 +345,21 @@ mod tests {
             }
         }
         assert!(!Path::new("file:").exists());
+    }
+
+    #[test]
+    fn what_a_server_says_is_cut_down_to_its_code() {
+        for (text, expected) in [
+            ("no route to host", "no route to host"),
+            (
+                "403 Forbidden: <?xml version=\"1.0\"?><Error><Code>SignatureDoesNotMatch</Code><AWSAccessKeyId>AKIA\
+              </AWSAccessKeyId></Error>",
+                "403 Forbidden: SignatureDoesNotMatch",
+            ),
+            ("500: <?xml", "500: "),
+        ] {
+            assert_eq!(code_of(text), expected);
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Plans that are kept; the oldest goes.
 const PLANS_MAX: usize = 256;
-/// Elements that all of them may have; a plan with more is not kept.
+/// Elements, events, findings and the like that all of them may have; a plan with more is not kept.
 const ELEMENTS_MAX: usize = 200_000;
 
 /// The plans of the bags that one worker has replayed.
@@ -59,20 +59,24 @@ impl Kept {
 }
 
 fn size(plan: &Plan) -> usize {
-    plan.path.elements.len() + plan.refused.len()
+    let Plan { path, refused, findings, spans, certificates, uncut } = plan;
+    let of_path = path.elements.len() + path.events.len() + refused.len();
+    of_path + findings.len() + spans.len() + certificates.len() + uncut.len()
 }
 
 /// What a plan is made from. The contour is named by the checksum of its messages, which was compared when they
 /// were read.
 pub(crate) fn name_of(program: &RecordedProgram, tools: &ToolTable, certifies: bool) -> String {
     let manifest = &program.manifest;
-    format!("{certifies} {} {} {tools:?} {}", manifest.sha256, manifest.control, manifest.profile)
+    // These two of a contour are in its manifest, and not in its chunks.
+    let begin = (&program.contour.start, &program.contour.assumed_axes);
+    format!("{certifies} {} {begin:?} {tools:?} {}", manifest.sha256, manifest.profile)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cnc_msgs::contour::Source;
+    use cnc_msgs::contour::{ProgrammedContour, Source};
     use cnc_msgs::geometry::{AxisSet, Shape};
     use cnc_msgs::path::{PathElement, Role};
     use std::cell::Cell;
@@ -90,6 +94,26 @@ mod tests {
         let mut plan = Plan::default();
         plan.path.elements = vec![element; elements];
         plan
+    }
+
+    #[test]
+    fn a_plan_has_another_name_where_its_contour_begins_elsewhere() {
+        let name = |start, letters: &str| {
+            let axes = letters.bytes().map(|letter| usize::from(letter - b'X'));
+            let assumed_axes = axes.fold(AxisSet::default(), AxisSet::with);
+            let contour = ProgrammedContour { start, assumed_axes, ..Default::default() };
+            let program = RecordedProgram {
+                text: Vec::new(),
+                manifest: Default::default(),
+                contour: Arc::new(contour),
+                log_time_ns: 0,
+            };
+            name_of(&program, &ToolTable::default(), false)
+        };
+        let here = name([0.0; 3], "X");
+        assert_eq!(here, name([0.0; 3], "X"));
+        assert_ne!(here, name([1.0, 0.0, 0.0], "X"));
+        assert_ne!(here, name([0.0; 3], "XY"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Which bags of a folder a store of many bags has been given: a file in a folder beside the bags.
 //!
-//! A bag was given when the store has it or a copy waits in the spool. The folder of a bag itself stays as the
-//! recorder closed it.
+//! A bag that the store was not given is due, however long the store is away: so nothing is copied, and nothing
+//! is lost when the recorder ends. The folder of a bag itself stays as the recorder closed it.
 
 use crate::retention::Stays;
 use crate::stored_bags::find;
@@ -25,11 +25,6 @@ impl HandedOver {
         Self { directory, store }
     }
 
-    /// Where bags wait while the store does not answer.
-    pub(crate) fn spool(&self) -> PathBuf {
-        self.directory.join(FOLDER).join("spool")
-    }
-
     fn list(&self) -> PathBuf {
         self.directory.join(FOLDER).join("pushed")
     }
@@ -39,10 +34,11 @@ impl HandedOver {
     /// # Errors
     /// The directory cannot be read.
     pub(crate) fn due(&self) -> io::Result<Vec<PathBuf>> {
-        let text = match fs::read_to_string(self.list()) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
+        let text = match fs::read(self.list()) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
             text => text?,
         };
+        let text = String::from_utf8_lossy(&text);
         let given = given(&text, &self.store);
         let bags = find(&self.directory)?;
         let bags = bags.into_iter().filter(|bag| !matches!(bag.stays, Some(Stays::InUse)));
@@ -60,9 +56,18 @@ impl HandedOver {
         let list = self.list();
         fs::create_dir_all(list.parent().unwrap_or(&self.directory))?;
         let mut file: File = OpenOptions::new().create(true).append(true).open(list)?;
-        // In one write: what is cut is no whole line, and its bag is given again.
-        file.write_all(format!("{}\t{}\n", name(bag), self.store).as_bytes())
+        // In one write, on a line of its own: what is cut is no whole line, and its bag is given again.
+        file.write_all(format!("\n{}\t{}\n", name(bag), self.store).as_bytes())
     }
+}
+
+/// The bags that the program named as refused.
+pub(crate) fn refused_of(complaint: &str, bags: &[PathBuf]) -> BTreeSet<PathBuf> {
+    let refused = complaint.lines().filter_map(|line| {
+        let (path, _) = line.split_once(": ")?.1.split_once(": not pushed: ")?;
+        bags.iter().find(|bag| bag.to_str() == Some(path))
+    });
+    refused.cloned().collect()
 }
 
 fn name(path: &Path) -> &str {
@@ -88,9 +93,24 @@ mod tests {
             ("one\ts3://a\ntwo\ts3://a\n", "s3://a", &["one", "two"]),
             ("one\ts3://a\ntwo\ts3://a", "s3://a", &["one"]),
             ("noise\none\ts3://a\n", "s3://a", &["one"]),
+            ("one\ts3:\n\ntwo\ts3://a\n", "s3://a", &["two"]),
         ] {
             let given: Vec<&str> = given(list, store).into_iter().collect();
             assert_eq!(given, expected, "{list:?}");
+        }
+    }
+
+    #[test]
+    fn a_bag_is_refused_when_a_line_names_it() {
+        let bags = ["/bags/one", "/bags/two"].map(PathBuf::from);
+        for (complaint, expected) in [
+            ("", &[][..]),
+            ("kerf fleet: s3://a: the store does not answer", &[]),
+            ("kerf fleet: /bags/two: not pushed: the bag has 2 files", &bags[1..]),
+            ("kerf fleet: /spool/three.mcap: not pushed: it is damaged", &[]),
+        ] {
+            let refused: Vec<PathBuf> = refused_of(complaint, &bags).into_iter().collect();
+            assert_eq!(refused, expected, "{complaint:?}");
         }
     }
 }

@@ -96,7 +96,13 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let (shared, mut changes) = (Arc::clone(&recorder), node.parameter_changes());
     node.spawn("fleet store", async move {
         let mut store: String = shared.node.parameter("fleet_store");
-        while changes.changed().await.is_ok() {
+        loop {
+            let changed = tokio::time::timeout(fleet::TRY_AGAIN_AFTER, changes.changed()).await;
+            match changed {
+                Ok(Err(_)) => return,
+                Err(_) if shared.pushes.has_problem() => shared.push_to_fleet(),
+                _ => {}
+            }
             let now: String = shared.node.parameter("fleet_store");
             if store != now {
                 store = now;

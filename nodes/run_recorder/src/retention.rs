@@ -33,6 +33,8 @@ pub enum Stays {
     InUse,
     /// Removing it failed.
     Stuck,
+    /// A store has not been given it yet.
+    Due,
 }
 
 /// A bag of ours in the directory of bags.

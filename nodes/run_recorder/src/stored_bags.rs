@@ -4,6 +4,7 @@
 //! The `cnc_run` record of its first file has the run id that names the folder. We
 //! leave everything else alone. [`crate::retention`] decides which bags are removed.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
@@ -30,7 +31,8 @@ pub struct RemovedBags {
     pub stuck: Vec<(PathBuf, String)>,
 }
 
-/// Removes expired bags. A bag that cannot be removed is skipped, and its space counts.
+/// Removes expired bags. A bag that cannot be removed is skipped, and its space counts; so is one that is due
+/// for a store.
 ///
 /// # Errors
 /// The directory cannot be read.
@@ -38,14 +40,16 @@ pub fn remove_old_bags(
     directory: &Path,
     keep: RetentionLimits,
     now_ns: u64,
+    due: &BTreeSet<PathBuf>,
 ) -> io::Result<RemovedBags> {
-    remove_old_bags_with(directory, keep, now_ns, remove)
+    remove_old_bags_with(directory, keep, now_ns, due, remove)
 }
 
 fn remove_old_bags_with(
     directory: &Path,
     keep: RetentionLimits,
     now_ns: u64,
+    due: &BTreeSet<PathBuf>,
     mut remove: impl FnMut(&Path) -> io::Result<()>,
 ) -> io::Result<RemovedBags> {
     let mut outcome = RemovedBags::default();
@@ -53,6 +57,9 @@ fn remove_old_bags_with(
         return Ok(outcome);
     }
     let mut bags = find(directory)?;
+    for bag in bags.iter_mut().filter(|bag| due.contains(&bag.path)) {
+        bag.stays.get_or_insert(Stays::Due);
+    }
     // One at a time: a bag that cannot be removed changes which others have to be.
     while let Some(removal) = to_remove(&bags, keep, now_ns).into_iter().next() {
         match remove(&removal.path) {
@@ -153,10 +160,10 @@ fn look_at(path: &Path) -> io::Result<Option<StoredBag>> {
     if !is_run(&content)? {
         return Ok(None);
     }
-    let stays = if mark_of(path).is_some() {
-        Some(Stays::Marked)
-    } else if content.parts.iter().any(|(_, part)| is_in_use(part)) {
+    let stays = if content.parts.iter().any(|(_, part)| is_in_use(part)) {
         Some(Stays::InUse)
+    } else if mark_of(path).is_some() {
+        Some(Stays::Marked)
     } else {
         None
     };
@@ -219,7 +226,8 @@ fn is_run(content: &BagFolder) -> io::Result<bool> {
 
 /// Whether a file is being written to, or that cannot be found out.
 fn is_in_use(part: &Path) -> bool {
-    match crate::files::open(part).map(|file| file.try_lock()) {
+    // Shared: two who look at once do not take each other for a recorder.
+    match crate::files::open(part).map(|file| file.try_lock_shared()) {
         Ok(Ok(())) => false,
         Ok(Err(TryLockError::WouldBlock | TryLockError::Error(_))) | Err(_) => true,
     }
@@ -303,7 +311,7 @@ mod tests {
         let size = find(directory.path()).unwrap()[0].size;
         let keep = RetentionLimits { days: 0, bytes: size * 5 / 2 };
         let mut asked = Vec::new();
-        let removal = remove_old_bags_with(directory.path(), keep, 0, |path| {
+        let removal = remove_old_bags_with(directory.path(), keep, 0, &BTreeSet::new(), |path| {
             asked.push(path.file_name().unwrap().to_str().unwrap().to_owned());
             if path.ends_with("a") {
                 return Err(io::ErrorKind::PermissionDenied.into());
@@ -319,17 +327,34 @@ mod tests {
     }
 
     #[test]
+    fn a_bag_that_is_due_for_a_store_stays() {
+        let directory = tempfile::tempdir().unwrap();
+        bag(directory.path(), "a", 0);
+        bag(directory.path(), "b", 1);
+        let keep = RetentionLimits { days: 1, bytes: 0 };
+        let now = 9 * 86_400_000_000_000;
+        let due = BTreeSet::from([directory.path().join("a")]);
+        let removal = remove_old_bags(directory.path(), keep, now, &due).unwrap();
+        assert_eq!((removal.removed, removal.stuck), (vec![], vec![]), "the newest stays, too");
+        bag(directory.path(), "c", 2);
+        let removal = remove_old_bags(directory.path(), keep, now, &due).unwrap();
+        let removed: Vec<_> = removal.removed.iter().map(|removal| &removal.path).collect();
+        assert_eq!(removed, [&directory.path().join("b")]);
+    }
+
+    #[test]
     fn a_bag_that_is_marked_meanwhile_stays() {
         let directory = tempfile::tempdir().unwrap();
         bag(directory.path(), "a", 0);
         bag(directory.path(), "b", 1);
         let keep = RetentionLimits { days: 1, bytes: 0 };
         let day = 86_400_000_000_000;
-        let removal = remove_old_bags_with(directory.path(), keep, 9 * day, |path| {
-            mark(path, "it shows the fault").unwrap();
-            remove(path)
-        })
-        .unwrap();
+        let removal =
+            remove_old_bags_with(directory.path(), keep, 9 * day, &BTreeSet::new(), |path| {
+                mark(path, "it shows the fault").unwrap();
+                remove(path)
+            })
+            .unwrap();
         assert_eq!(removal.stuck.len(), 1, "{removal:?}");
         assert_eq!(mark_of(&directory.path().join("a")).unwrap(), "it shows the fault");
         assert!(directory.path().join("a").join("metadata.yaml").exists());
@@ -359,8 +384,13 @@ mod tests {
         let path = directory.path().join("a");
         fs::rename(&path, aside_of(&path).unwrap()).unwrap();
         fs::remove_file(aside_of(&path).unwrap().join("metadata.yaml")).unwrap();
-        let removal =
-            remove_old_bags(directory.path(), RetentionLimits { days: 0, bytes: 1 }, 0).unwrap();
+        let removal = remove_old_bags(
+            directory.path(),
+            RetentionLimits { days: 0, bytes: 1 },
+            0,
+            &BTreeSet::new(),
+        )
+        .unwrap();
         assert_eq!((removal.removed.len(), removal.stuck), (1, vec![]));
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
     }

@@ -3,6 +3,7 @@
 
 mod common;
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
@@ -128,8 +129,13 @@ fn nothing_goes_but_finished_and_dead_bags_of_ours_that_nobody_marked() {
     assert_eq!(stays("run_foreign"), None);
 
     // For ever is for ever.
-    assert_eq!(remove_old_bags(here, RetentionLimits::default(), NOW).unwrap().removed, []);
-    let removal = remove_old_bags(here, RetentionLimits { days: 2, bytes: 1 }, NOW).unwrap();
+    assert_eq!(
+        remove_old_bags(here, RetentionLimits::default(), NOW, &BTreeSet::new()).unwrap().removed,
+        []
+    );
+    let removal =
+        remove_old_bags(here, RetentionLimits { days: 2, bytes: 1 }, NOW, &BTreeSet::new())
+            .unwrap();
     assert_eq!(removal.stuck, []);
     let removed: Vec<_> =
         removal.removed.iter().map(|removal| (removal.path.clone(), removal.size)).collect();
@@ -156,7 +162,9 @@ fn nothing_goes_but_finished_and_dead_bags_of_ours_that_nobody_marked() {
     assert!(open.finish(LONG).complete);
     date(&path, 60);
     bag(here, "run_newest", 0);
-    let removal = remove_old_bags(here, RetentionLimits { days: 2, bytes: 0 }, NOW).unwrap();
+    let removal =
+        remove_old_bags(here, RetentionLimits { days: 2, bytes: 0 }, NOW, &BTreeSet::new())
+            .unwrap();
     assert_eq!(removal.removed.len(), 1);
     assert!(!path.exists());
 }
@@ -172,15 +180,18 @@ fn a_mark_keeps_a_bag_until_it_is_taken_off() {
     assert_eq!(mark_of(&path).as_deref(), Some(""));
     mark(&path, "alarm 3021 in N70").unwrap();
     assert_eq!(mark_of(&path).as_deref(), Some("alarm 3021 in N70"));
-    assert_eq!(remove_old_bags(folder.path(), keep, NOW).unwrap().removed, []);
+    assert_eq!(remove_old_bags(folder.path(), keep, NOW, &BTreeSet::new()).unwrap().removed, []);
     assert!(unmark(&path).unwrap() && !unmark(&path).unwrap());
     // An unreadable mark is a mark too.
     symlink("nowhere", path.join(MARK_FILE)).unwrap();
     assert_eq!(mark_of(&path).as_deref(), Some(""));
-    assert_eq!(remove_old_bags(folder.path(), keep, NOW).unwrap().removed, []);
+    assert_eq!(remove_old_bags(folder.path(), keep, NOW, &BTreeSet::new()).unwrap().removed, []);
     assert!(unmark(&path).unwrap());
-    assert_eq!(remove_old_bags(folder.path(), keep, NOW).unwrap().removed.len(), 1);
+    assert_eq!(
+        remove_old_bags(folder.path(), keep, NOW, &BTreeSet::new()).unwrap().removed.len(),
+        1
+    );
     assert_eq!(names(folder.path()), ["run_2"]);
     // A directory that is not there is an error, not an empty one.
-    assert!(remove_old_bags(&folder.path().join("gone"), keep, NOW).is_err());
+    assert!(remove_old_bags(&folder.path().join("gone"), keep, NOW, &BTreeSet::new()).is_err());
 }

@@ -144,13 +144,12 @@ async fn begin(
 ) -> Reply {
     driver.require_active()?;
     let (goal, stops) = (offer.goal(), driver.stops());
-    if goal.program_id.is_empty()
-        && let Some(program_id) = source::loaded(&driver.programs).await
-    {
-        // Whoever has just loaded it may be faster than `program`.
-        paths.on_program(program_id);
-    }
-    let planned = paths.get(&goal.program_id, PATH_WITHIN).await;
+    // Whoever has just loaded a program may be faster than its `program`: the loader knows which it is.
+    let program_id = match goal.program_id.as_str() {
+        "" => source::loaded(&driver.programs).await.unwrap_or_default(),
+        given => given.to_owned(),
+    };
+    let planned = paths.get(&program_id, PATH_WITHIN).await;
     let planned = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
     let in_span = run_start::ask(planner, &planned, goal.start_line).await?;

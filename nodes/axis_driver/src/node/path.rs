@@ -182,7 +182,7 @@ impl Paths {
         node.spawn("program", async move {
             loop {
                 let (program, _) = programs.next().await;
-                shared.on_program(program.program_id);
+                shared.newest().program_id = Some(program.program_id);
             }
         });
         let mut tables = node.subscription::<wire::ToolTable>("tool_table", Qos::LATCHED)?;
@@ -205,11 +205,6 @@ impl Paths {
 
     fn newest(&self) -> MutexGuard<'_, Newest> {
         self.newest.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// This program was loaded last.
-    pub(super) fn on_program(&self, program_id: String) {
-        self.newest().program_id = Some(program_id);
     }
 
     /// This is the path that is run from here on.

@@ -22,6 +22,13 @@ pub(super) fn bucket(url: &str, place: &str) -> Result<(Arc<dyn ObjectStore>, St
     let usage = |why: String| FleetError::Usage(format!("--store {url}: {why}"));
     let (bucket, prefix) = place.split_once('/').unwrap_or((place, ""));
     let prefix = prefix.trim_matches('/');
+    if bucket.contains('@') {
+        // It is not shown: it may be a secret.
+        return Err(FleetError::Usage(
+            "--store: credentials do not belong into the URL; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
+                .to_owned(),
+        ));
+    }
     if bucket.is_empty() {
         return Err(usage("no bucket is named; use s3://BUCKET/PREFIX".to_owned()));
     }
@@ -36,7 +43,8 @@ pub(super) fn bucket(url: &str, place: &str) -> Result<(Arc<dyn ObjectStore>, St
         .with_bucket_name(bucket)
         // `Store` tries again.
         .with_retry(RetryConfig { max_retries: 0, ..RetryConfig::default() })
-        .with_config(AmazonS3ConfigKey::Client(ClientConfigKey::ConnectTimeout), "5s");
+        .with_config(AmazonS3ConfigKey::Client(ClientConfigKey::ConnectTimeout), "5s")
+        .with_config(AmazonS3ConfigKey::Client(ClientConfigKey::Timeout), "60s");
     let endpoint = builder.get_config_value(&AmazonS3ConfigKey::Endpoint).unwrap_or_default();
     let built = builder.build().map_err(|why| usage(why.to_string()))?;
     let place = format!("{endpoint} s3://{bucket}/{prefix}");

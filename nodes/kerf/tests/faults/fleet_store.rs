@@ -24,7 +24,7 @@ fn bags_wait_for_a_store_that_is_away_and_are_in_it_when_it_is_back() {
     let waits = "the store does not answer";
     until(waits, || {
         let log = machine.log();
-        (log.contains(waits) && log.contains("1 bags wait in ")).then_some(())
+        (log.contains(waits) && log.contains("1 bags wait here")).then_some(())
     });
     let made = Command::new(&fleet)
         .args(["push", "--create", "--spool", "none", "--store"])
@@ -38,12 +38,9 @@ fn bags_wait_for_a_store_that_is_away_and_are_in_it_when_it_is_back() {
         (bags == 2).then_some(())
     });
     let recorded = machine.folder.path().join("bags");
-    until("nothing waits any more", || {
-        (fs::read_dir(recorded.join(".fleet/spool")).ok()?.count() == 0).then_some(())
-    });
     let given = until("both are noted", || {
         let given = fs::read_to_string(recorded.join(".fleet/pushed")).ok()?;
-        (given.lines().count() == 2).then_some(given)
+        (given.lines().filter(|line| !line.is_empty()).count() == 2).then_some(given)
     });
     let runs = fs::read_dir(&recorded).expect("bags").flatten();
     let runs = runs.map(|run| run.file_name().to_string_lossy().into_owned());

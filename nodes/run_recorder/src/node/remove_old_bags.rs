@@ -27,7 +27,7 @@ impl Recorder {
             let one_at_a_time = shared.removal_lock.lock().unwrap_or_else(PoisonError::into_inner);
             // By the wall clock, as the times of files, not by the clock of the run.
             let now_ns = u64::try_from(runtime::RosTime::wall().as_nanos()).unwrap_or(0);
-            let removal = remove_old_bags(&searched, keep, now_ns);
+            let removal = remove_old_bags(&searched, keep, now_ns, &shared.due_for_fleet());
             *shared.stuck.lock().unwrap_or_else(PoisonError::into_inner) = match &removal {
                 Ok(removal) => removal.stuck.iter().map(not_removed).collect(),
                 Err(error) => vec![not_listed(&searched, error)],
