@@ -25,6 +25,11 @@ fn homed(firmware: Firmware, config: DriverConfig) -> Line {
     line
 }
 
+/// For a machine on which the warnings were seen to be right.
+fn refusing() -> DriverConfig {
+    DriverConfig { check_travel: CheckTravel::Refuse, ..DriverConfig::default() }
+}
+
 fn set_zero(line: &mut Line, position: [f64; 3]) {
     let request = OffsetRequest { system: 1, axes: AxisSet::ALL, position, is_origin: true };
     line.ask(Command::SetWorkOffset(request)).unwrap();
@@ -71,7 +76,7 @@ const OUT: [[f64; 3]; 3] = [[10.0, 0.0, 5.0], [512.5, 0.0, 5.0], [10.0, 0.0, 5.0
 #[test]
 fn a_program_that_leaves_the_travel_is_refused_before_the_first_byte() {
     for firmware in [Firmware::Grbl, Firmware::GrblHal] {
-        let mut line = homed(firmware, DriverConfig::default());
+        let mut line = homed(firmware, refusing());
         let refusal = refused(&mut line, request(path(&OUT)));
         assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal}");
         let said = "line 2 (N20): the move goes to X12.500 in the machine frame (X512.500 in G54), \
@@ -93,7 +98,7 @@ fn a_program_that_leaves_the_travel_is_refused_before_the_first_byte() {
 #[test]
 fn a_program_that_just_fits_runs_to_both_ends() {
     for firmware in [Firmware::Grbl, Firmware::GrblHal] {
-        let mut line = homed(firmware, DriverConfig::default());
+        let mut line = homed(firmware, refusing());
         let corners = [[500.0, 300.0, 60.0], [-100.0, -100.0, 60.0], [-100.0, -100.0, -40.0]];
         let result = line.run(path(&corners));
         assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {}", result.message);
@@ -104,14 +109,19 @@ fn a_program_that_just_fits_runs_to_both_ends() {
 fn without_homing_only_a_program_that_is_longer_than_the_machine_is_refused() {
     for firmware in Firmware::ALL {
         let build = Build::new(Settings::small_router_of(firmware));
-        let mut line = Line::connected(build.clone());
+        let connected = || {
+            let mut line = Line::new(refusing(), build.clone(), &[]);
+            line.until("idle", |line| line.mode() == Mode::Idle);
+            line
+        };
+        let mut line = connected();
         assert_eq!(line.run(straight(1, 590.0)).outcome, RunOutcome::Succeeded);
         assert!(
             line.log.iter().any(|text| text.contains("only its length was compared")),
             "{:?}",
             line.log
         );
-        let mut line = Line::connected(build);
+        let mut line = connected();
         let refusal = refused(&mut line, request(straight(1, 601.0)));
         assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal}");
         assert!(refusal.message.contains("needs 601.000 mm in X"), "{refusal}");
@@ -130,6 +140,7 @@ fn who_wants_it_is_warned_or_left_alone() {
         line.ask(Command::RunProgram(request)).expect("it is accepted");
         line.log.iter().any(|text| text.contains("beyond the travel") || text.contains("needs"))
     };
+    assert!(run(DriverConfig::default().check_travel), "a driver as delivered warns");
     assert!(run(CheckTravel::Warn));
     assert!(!run(CheckTravel::Off));
 }
@@ -164,7 +175,7 @@ fn a_tool_that_would_touch_a_clamp_is_refused_with_the_name_of_the_clamp() {
 #[test]
 fn a_zero_that_a_pendant_has_moved_counts_before_the_first_line() {
     for (x, fits) in [(-400, true), (-5, false)] {
-        let mut line = homed(Firmware::Grbl, DriverConfig::default());
+        let mut line = homed(Firmware::Grbl, refusing());
         // The driver sees it when it asks for the offsets, after the check.
         line.wait(1.0);
         line.inject("mute:ok");

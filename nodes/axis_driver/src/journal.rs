@@ -217,7 +217,7 @@ mod tests {
             start_line: 12,
             in_span: StartInSpan::FromAbove,
             check_only: true,
-            tool_diameters_mm: Default::default(),
+            tool_diameters_mm: [(1, 6.0)].into(),
         });
         let commands = [
             run,

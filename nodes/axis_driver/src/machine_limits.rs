@@ -175,9 +175,8 @@ impl MachineLimits {
         };
         let travel = axes(130, Range::ZeroOrMore)?;
         let is_soft = table.flag(20);
-        let is_as_delivered =
-            !is_soft && travel.iter().all(|it| (it - TRAVEL_AS_DELIVERED_MM).abs() < 1e-9);
-        let travel_mm = travel.map(|it| (it > 0.0 && !is_as_delivered).then_some(it));
+        let is_as_delivered = |it: f64| !is_soft && (it - TRAVEL_AS_DELIVERED_MM).abs() < 1e-9;
+        let travel_mm = travel.map(|it| (it > 0.0 && !is_as_delivered(it)).then_some(it));
         let spindle =
             [table.optional(31, Range::ZeroOrMore)?, table.optional(30, Range::ZeroOrMore)?];
         let spindle_rpm = match spindle {
@@ -358,12 +357,13 @@ impl<'a> Table<'a> {
                     (min_mm[axis], max_mm[axis]) = (0.0, travel[axis]);
                 }
             }
-            // `limits_set_work_envelope`: where hard limits are on, the pull-off is kept.
+            // `limits_set_work_envelope`: the pull-off is kept where hard and soft limits are on.
             Firmware::GrblHal => {
                 const FORCE_SET_ORIGIN: u32 = 1 << 3;
                 let zero_is_at_the_switches = self.mask(22) & FORCE_SET_ORIGIN != 0;
+                let is_kept = self.flag(20) && self.flag(21);
                 let reported = self.values.get(&27).and_then(|text| text.parse().ok());
-                let pull_off: f64 = reported.filter(|_| self.flag(21)).unwrap_or(0.0);
+                let pull_off: f64 = reported.filter(|_| is_kept).unwrap_or(0.0);
                 for axis in 0..3 {
                     (min_mm[axis], max_mm[axis]) =
                         match (zero_is_at_the_switches, negative_homing(axis)) {

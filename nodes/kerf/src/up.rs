@@ -108,6 +108,19 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
     let mut stack = Stack::new().map_err(Failure::usage)?;
     let mut controller = Stack::new().map_err(Failure::usage)?;
     let link = std::env::temp_dir().join(format!("kerf-{}-controller", std::process::id()));
+    if let Some(listen) = args.listen {
+        // The driver would connect to whatever listens there already.
+        let free = std::net::TcpListener::bind(listen.address).map_err(|error| {
+            let what = match error.kind() {
+                std::io::ErrorKind::AddrInUse => "the address is in use",
+                _ => "nothing can listen there",
+            };
+            Failure::usage(format_args!(
+                "--listen {listen}: {what}: {error}; a rehearsal must not reach what listens there"
+            ))
+        })?;
+        drop(free);
+    }
     if args.virtual_controller {
         let (flag, port) = match args.listen {
             Some(listen) => ("--listen", listen.to_string()),

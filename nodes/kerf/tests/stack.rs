@@ -66,7 +66,8 @@ fn a_program_that_does_not_fit_the_machine_is_refused_running_or_not() {
         "keep_out:\n  left clamp: {frame: G54, min_mm: [50, -5, -99], max_mm: [60, 5, 99]}\n";
     boxes.file("clamps.yaml", clamp);
     let file = format!("axis_driver:keep_out:={}", boxes.path().join("clamps.yaml").display());
-    let machine = Machine::virtual_with(10, &[&SLOW_POLLING[..], &["-p", &file]].concat());
+    let judged = ["-p", &file, "-p", "axis_driver:check_travel:=refuse"];
+    let machine = Machine::virtual_with(10, &[&SLOW_POLLING[..], &judged].concat());
     machine.folder.file("far.ngc", "G21 G90\nG0 X0 Y0\nG1 X5000 F600\nM30\n");
     let far = ["line 3", "needs 5000.000 mm in X", "($130)"];
     machine.kerf(&["run", "far.ngc"]).expect(4).says(&far);

@@ -230,7 +230,8 @@ impl Connecting {
                 }
             ),
             (ConnectStep::Listening, 0) if context.config.is_networked => format!(
-                "the connection is open and nothing answered within {waited} s; check the port number (a                  web server or TLS is silent too) and that no other client has the controller"
+                "the connection is open and nothing answered within {waited} s; check the port number (a \
+                 web server or TLS is silent too) and that no other client has the controller"
             ),
             (ConnectStep::Listening, 0) => {
                 format!("nothing answered within {waited} s; check port, cable and supply")

@@ -111,12 +111,14 @@ fn a_program_is_judged_by_its_travel_with_place_numbers_and_remedy() {
     for (program, expected) in [
         (begun().cut([500.0, 300.0, 10.0]), &[][..]),
         (begun().cut([500.0, 300.0, 60.0]), &[]),
+        // Stored positions and steps are no finer.
+        (begun().cut([500.009, 300.0, 60.0]), &[]),
         (
-            begun().cut([500.001, 0.0, 10.0]).cut([512.5, 0.0, 10.0]).cut([0.0, 0.0, 10.0]),
+            begun().cut([500.02, 0.0, 10.0]).cut([512.5, 0.0, 10.0]).cut([0.0, 0.0, 10.0]),
             &[(
                 Code::Travel,
                 3,
-                "goes to X0.001 in the machine frame (X500.001 in G54), 0.001 mm beyond the travel \
+                "goes to X0.020 in the machine frame (X500.020 in G54), 0.020 mm beyond the travel \
                  from X-600.000 to X0.000; 2 blocks do so, line 4 the farthest, by 12.500 mm; move \
                  the work zero of G54 by at least 12.500 mm towards X-",
             )],
@@ -126,6 +128,16 @@ fn a_program_is_judged_by_its_travel_with_place_numbers_and_remedy() {
         // Its ends are well within; what it passes is not.
         (full_circle(99.999), &[]),
         (full_circle(100.5), &[(Code::Travel, 4, "X-600.500"), (Code::Travel, 4, "Y-400.500")]),
+        (
+            // Where Z is does not matter.
+            Program::default().rapid("XY", [100.5, 0.0, 0.0]).arc(
+                [100.5, 0.0, 0.0],
+                [0.0; 3],
+                false,
+                1,
+            ),
+            &[(Code::Travel, 2, "X-600.500"), (Code::Travel, 2, "Y-400.500")],
+        ),
         (second(200.0), &[]),
         (second(200.5), &[(Code::Travel, 4, "(X200.500 in G55)")]),
         (length(50.0), &[]),

@@ -10,8 +10,9 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use std::collections::BTreeSet;
 
-/// Half of the last decimal that is sent, mm.
-const TOLERANCE_MM: f64 = 0.000_05;
+/// What is not known more closely, mm: stored positions have three decimals, and the axes stand on
+/// whole steps.
+const TOLERANCE_MM: f64 = 0.01;
 
 /// Collects how far each axis goes.
 #[derive(Debug, Clone)]
@@ -93,14 +94,16 @@ impl TravelCheck {
                 }
             }
         }
-        let (Some(arc), [Some(x0), Some(y0), Some(z0)], [Some(x1), Some(y1), Some(z1)]) =
-            (it.arc, it.from, it.to)
-        else {
+        let Some(arc) = it.arc else { return };
+        let [first, second, third] = arc.plane.axes();
+        if [first, second].iter().any(|&axis| it.from[axis].is_none() || it.to[axis].is_none()) {
             return;
-        };
-        for (axis, value) in arc.outermost([x0, y0, z0], [x1, y1, z1]) {
+        }
+        // The third axis does not count here.
+        let [from, to] = [it.from, it.to].map(|at| at.map(|value| value.unwrap_or(0.0)));
+        for (axis, value) in arc.outermost(from, to) {
             let mut at = arc.center.map(Some);
-            (at[axis], at[arc.plane.axes()[2]]) = (Some(value), it.to[arc.plane.axes()[2]]);
+            (at[axis], at[third]) = (Some(value), it.to[third]);
             self.reach(axis, at, it);
         }
     }

@@ -63,7 +63,7 @@ pub fn order_to_json(id: u64, order: &Order) -> String {
             start_line: order.start_line,
             in_span: order.in_span,
             check_only: order.check_only,
-            tool_diameters_mm: order.tool_diameters_mm.clone(),
+            tool_diameters_mm: pairs(&order.tool_diameters_mm),
         },
         Order::Replan(order) => CommandForm::Replan {
             program_id: order.program_id.clone(),
@@ -94,8 +94,9 @@ enum CommandForm {
         in_span: StartInSpan,
         check_only: bool,
         /// Only where there are keep-out boxes.
-        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-        tool_diameters_mm: BTreeMap<u32, f64>,
+        /// Pairs: a flattened map cannot have numbers as keys.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        tool_diameters_mm: Vec<(u32, f64)>,
     },
     CancelRun {
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -146,6 +147,10 @@ enum CommandForm {
     },
 }
 
+fn pairs(map: &BTreeMap<u32, f64>) -> Vec<(u32, f64)> {
+    map.iter().map(|(number, value)| (*number, *value)).collect()
+}
+
 fn is_refused(in_span: &StartInSpan) -> bool {
     *in_span == StartInSpan::Refused
 }
@@ -159,7 +164,7 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
             start_line: request.start_line,
             in_span: request.in_span,
             check_only: request.check_only,
-            tool_diameters_mm: request.tool_diameters_mm.clone(),
+            tool_diameters_mm: pairs(&request.tool_diameters_mm),
         },
         Command::CancelRun { run } => CommandForm::CancelRun { run: *run },
         Command::FeedHold => CommandForm::FeedHold,
@@ -228,7 +233,7 @@ pub fn command_from_json(
                 start_line,
                 in_span,
                 check_only,
-                tool_diameters_mm,
+                tool_diameters_mm: tool_diameters_mm.into_iter().collect(),
             })
         }
         CommandForm::CancelRun { run } => Command::CancelRun { run },

@@ -56,8 +56,9 @@ fn each_firmware_has_its_zero_where_its_own_check_has_it() {
             &[(22, 9.0), (23, 1.0)],
             ([0.0, -400.0, -100.0], [600.0, 0.0, 0.0]),
         ),
-        // With hard limits the pull-off is kept.
+        // With hard and soft limits the pull-off is kept.
         (Firmware::GrblHal, "", &[(21, 1.0)], ([-598.0, -398.0, -98.0], [-2.0; 3])),
+        (Firmware::GrblHal, "", &[(20, 0.0), (21, 1.0)], usual),
         (
             Firmware::GrblHal,
             "",
@@ -89,6 +90,8 @@ fn a_travel_that_nobody_has_entered_is_none() {
     };
     let off = [(20, 0.0)];
     assert_eq!(of(&[&delivered[..], &off].concat()), [None; 3]);
+    // Each axis for itself.
+    assert_eq!(of(&[(20, 0.0), (130, 200.0)]), [None, Some(400.0), Some(100.0)]);
     // Who switches soft limits on means it.
     assert_eq!(of(&delivered), [Some(200.0); 3]);
     assert_eq!(of(&[(131, 0.0)]), [Some(600.0), None, Some(100.0)]);

@@ -2,6 +2,7 @@
 
 use crate::codes::setting_name;
 use crate::driver::ControllerSettings;
+use crate::transport::address::is_networked;
 use cnc_msgs::convert::machine_state_to_wire;
 use cnc_msgs::machine::MachineState;
 use cnc_msgs::units::{m_from_mm, point_from_position};
@@ -24,6 +25,7 @@ pub(super) struct Viewers {
     /// Of the names of joints, which are in `joint_states` of one machine.
     joint_prefix: String,
     baud: u32,
+    is_networked: bool,
     state: Publisher<MachineStateMessage>,
     joints: Publisher<JointState>,
     frames: Publisher<TFMessage>,
@@ -71,6 +73,7 @@ impl Viewers {
             prefix: node.names().frame_prefix(&wanted),
             joint_prefix: if wanted == "/" { String::new() } else { wanted },
             baud: u32::try_from(node.parameter::<i64>("baud")).unwrap_or(115_200),
+            is_networked: is_networked(&node.parameter::<String>("port")),
             state: node.publisher("machine_state", Qos::LATCHED)?,
             joints: node.publisher("joint_states", Qos::DEFAULT)?,
             frames: node.publisher("/tf", Qos::DEFAULT.with_depth(100))?,
@@ -85,7 +88,12 @@ impl Viewers {
 
     /// Publishes what the controller said of itself.
     pub(super) fn publish_settings(&self, stamp: RosTime, settings: &ControllerSettings) {
-        self.settings.publish(settings_to_wire(stamp.into(), self.baud, settings));
+        let mut message = settings_to_wire(stamp.into(), self.baud, settings);
+        if self.is_networked {
+            // `baud` says nothing of a network.
+            message.hold_latency = 0.0;
+        }
+        self.settings.publish(message);
     }
 
     /// Publishes the state; positions only when they are known.

@@ -7,6 +7,7 @@ use crate::driver::{Command, Driver, Input, Output};
 use crate::journal::Journal;
 use crate::transport::{self, Transport};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -102,13 +103,20 @@ impl Owner {
         let is_ready = is_ready || port.has_unread();
         let flushed = if port.has_unwritten() { port.flush() } else { Ok(()) };
         let read = if is_ready { port.read() } else { Ok(Vec::new()) };
-        match flushed.and(read) {
+        let mut lost = flushed.err();
+        match read {
             Ok(bytes) if bytes.is_empty() => {}
             Ok(bytes) => {
                 self.next_pause = None;
                 self.handle(Input::Received(bytes));
             }
-            Err(reason) => self.lose_port(&reason),
+            Err(reason) => lost = lost.or(Some(reason)),
+        }
+        // What was handed on may have been answered in vain.
+        if let Some(reason) = lost
+            && self.port.is_some()
+        {
+            self.lose_port(&reason);
         }
     }
 
@@ -177,7 +185,10 @@ impl Owner {
         let opener = std::thread::Builder::new().name("axis-driver-open".into()).spawn(move || {
             let failures = Arc::clone(&inbox);
             let on_failure = move |reason| failures.push_failure(WriterFailed { port, reason });
-            let result = transport::open(&config, Box::new(on_failure));
+            let open = AssertUnwindSafe(|| transport::open(&config, Box::new(on_failure)));
+            let result = catch_unwind(open).unwrap_or_else(|_| {
+                Err(format!("cannot open {}: the thread that opens it has panicked", config.path))
+            });
             inbox.push_opened(Opened { port, result });
         });
         if let Err(error) = opener {

@@ -4,7 +4,7 @@ use super::address::Host;
 use super::greeting::{GREETING_BYTES, foreign};
 use socket2::{SockRef, TcpKeepalive};
 use std::io::{Error, ErrorKind, Write};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 /// How long a host may take to accept a connection, and then a server to shake hands.
@@ -17,17 +17,20 @@ const UNWRITTEN_BYTES_MAX: usize = 64 * 1024;
 
 /// Connects. The error is for people.
 pub(super) fn connect(host: &Host) -> Result<TcpStream, String> {
-    let addresses = (host.name.as_str(), host.port)
+    let addresses: Vec<SocketAddr> = (host.name.as_str(), host.port)
         .to_socket_addrs()
-        .map_err(|error| format!("no host {}: {error}", host.name))?;
+        .map_err(|error| format!("no host {}: {error}", host.name))?
+        .collect();
+    let count = u32::try_from(addresses.len()).unwrap_or(u32::MAX);
     let begin = Instant::now();
     let mut problem = format!("the host {} has no address", host.name);
-    for address in addresses {
-        let left = PATIENCE.saturating_sub(begin.elapsed());
+    for (address, to_come) in addresses.iter().zip((1..=count).rev()) {
+        // An address that is silent leaves time for those after it.
+        let left = PATIENCE.saturating_sub(begin.elapsed()) / to_come;
         if left.is_zero() {
             break;
         }
-        match TcpStream::connect_timeout(&address, left).and_then(prepare) {
+        match TcpStream::connect_timeout(address, left).and_then(prepare) {
             Ok(stream) => return Ok(stream),
             Err(error) => problem = refusal(&error),
         }
@@ -55,6 +58,12 @@ fn refusal(error: &Error) -> String {
 
 /// Sends at once, and notices when the other side is gone.
 fn prepare(stream: TcpStream) -> std::io::Result<TcpStream> {
+    let own = stream.local_addr()?;
+    if stream.peer_addr().is_ok_and(|peer| peer == own) {
+        // Nothing listens there, and the system has connected the port to itself.
+        abandon(&stream);
+        return Err(ErrorKind::ConnectionRefused.into());
+    }
     stream.set_nodelay(true)?;
     let socket = SockRef::from(&stream);
     let alive = TcpKeepalive::new()

@@ -23,6 +23,8 @@ const PROTOCOL: &str = "arduino";
 const MESSAGE_BYTES_MAX: usize = 64 * 1024;
 /// After so many bytes the driver has its turn before more is read.
 const READ_BYTES_MAX: usize = 64 * 1024;
+/// And after so many messages, which may have no bytes.
+const READ_MESSAGES_MAX: usize = 256;
 /// What FluidNC sends to its web interface in frames of their own, with what may follow.
 const NOTICES: [&str; 6] =
     ["currentID:", "CURRENT_ID:", "activeID:", "ACTIVE_ID:", "PING", "ERROR:"];
@@ -153,6 +155,7 @@ fn is_notice(text: &str) -> bool {
 impl Transport for Ws {
     fn read(&mut self) -> Result<Vec<u8>, String> {
         let mut bytes = Vec::new();
+        let mut messages: usize = 0;
         self.has_unread = false;
         while self.end.is_none() {
             match self.socket.read() {
@@ -160,13 +163,15 @@ impl Transport for Ws {
                 Ok(Message::Text(text)) if !is_notice(&text) => {
                     bytes.extend_from_slice(text.as_bytes());
                 }
+                Ok(Message::Close(_)) => self.end = Some(self.heard.closed()),
                 // Pings are answered below.
                 Ok(_) => {}
                 Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(Error::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => self.end = Some(self.reason(&error)),
             }
-            if bytes.len() >= READ_BYTES_MAX {
+            messages += 1;
+            if bytes.len() >= READ_BYTES_MAX || messages >= READ_MESSAGES_MAX {
                 self.has_unread = true;
                 break;
             }
@@ -179,7 +184,10 @@ impl Transport for Ws {
         self.heard.take(&bytes)?;
         if self.end.is_none() {
             let flushed = self.socket.flush();
-            self.settle(flushed)?;
+            if let Err(end) = self.settle(flushed) {
+                // What was read goes first.
+                self.end = Some(end);
+            }
         }
         Ok(bytes)
     }
@@ -256,11 +264,15 @@ mod tests {
             let mut heard = Vec::new();
             for stream in listener.incoming() {
                 let Ok(mut socket) = tungstenite::accept(stream.unwrap()) else { continue };
-                if socket.send(Message::text("CURRENT_ID:0")).is_err() {
+                let frames = [
+                    Message::text("CURRENT_ID:0"),
+                    Message::Ping("Hi".into()),
+                    Message::text("ok\r\n"),
+                ];
+                // The first connection is given up.
+                if frames.into_iter().any(|frame| socket.send(frame).is_err()) {
                     continue;
                 }
-                socket.send(Message::Ping("Hi".into())).unwrap();
-                socket.send(Message::text("ok\r\n")).unwrap();
                 while let Ok(message) = socket.read() {
                     heard.push(message);
                     if heard.len() == 2 {

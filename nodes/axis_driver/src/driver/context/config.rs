@@ -116,7 +116,7 @@ impl Default for DriverConfig {
             on_ros_loss: OnRosLoss::default(),
             ros_loss_timeout_ms: ros_loss_timeout_ms(),
             on_path_deviation: OnPathDeviation::Hold,
-            check_travel: CheckTravel::Refuse,
+            check_travel: CheckTravel::Warn,
             keep_out: KeepOut::default(),
         }
     }
@@ -137,7 +137,8 @@ impl DriverConfig {
 }
 
 /// What the slowest network of a board carries, a busy Wi-Fi. Its receive buffer is what bounds the
-/// bytes under way then: a board takes real-time bytes out as they arrive.
+/// bytes under way then: a board is expected to take real-time bytes out as they arrive. That was
+/// not measured on one.
 const NETWORK_BITS_PER_SECOND: u32 = 2_000_000;
 
 /// How far the tool may be from where the run stopped for a tool change, mm: steps, and

@@ -41,7 +41,11 @@ impl WorkplaceCheck {
         let limits = match limits(context, request) {
             Ok(limits) => limits,
             Err(because) => {
-                context.log(LogLevel::Warn, format!("the travel was not checked: {because}"));
+                let what = match context.config.keep_out.keep_out.is_empty() {
+                    true => "the travel was",
+                    false => "travel and keep-out boxes were",
+                };
+                context.log(LogLevel::Warn, format!("{what} not checked: {because}"));
                 return None;
             }
         };
@@ -80,8 +84,13 @@ impl WorkplaceCheck {
         for finding in others {
             context.log(LogLevel::Warn, text(&finding));
         }
+        // Who has entered boxes relies on them.
+        let level = match context.config.keep_out.keep_out.is_empty() {
+            true => LogLevel::Info,
+            false => LogLevel::Warn,
+        };
         for what in &report.not_judged {
-            context.log(LogLevel::Info, format!("not checked: {what}"));
+            context.log(level, format!("not checked: {what}"));
         }
         let first = errors.first()?;
         let code = match first.code {
