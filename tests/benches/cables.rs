@@ -7,7 +7,7 @@
 //! ```
 //!
 //! A driver without its ROS side streams a long program to a virtual controller (grblHAL, real time) over
-//! a pseudo-terminal of 115 200 Bd, TCP, a WebSocket and RFC 2217 (115 200 Bd behind it). The time
+//! a pseudo-terminal of 115 200 Bd, TCP, a WebSocket and RFC 2217 (a serial line of 115 200 Bd). The time
 //! runs from the command to the board's reading of `!`, which is in the same process. At p99 no cable may take
 //! 2 ms more than the pseudo-terminal.
 

@@ -71,6 +71,27 @@ fn refused(line: &mut Line, request: RunRequest) -> Refusal {
     refusal
 }
 
+#[test]
+fn a_program_that_homes_first_is_placed_where_homing_puts_it() {
+    let mut settings = Settings::small_router();
+    settings.set_line("$22=1").unwrap();
+    let mut line = Line::new(refusing(), Build::new(settings), &[]);
+    line.until("locked", |line| line.mode() == Mode::Alarm);
+    line.ask(Command::Unlock).unwrap();
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    let homing = |ends: &[[f64; 3]]| {
+        let action = Action::Home { axes: AxisSet::ALL };
+        let source = Source { line: 1, ..Source::default() };
+        let events = vec![PathEvent { at_element: 0, action, source }];
+        request(CompensatedPath { events, ..path(ends) })
+    };
+    // G54 is the machine zero, which homing puts at the top right end of the travel.
+    let refusal = refused(&mut line, homing(&[[-10.0, -10.0, -5.0], [10.0, -10.0, -5.0]]));
+    assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal:?}");
+    assert!(refusal.message.contains("10.000 mm beyond the travel"), "{refusal:?}");
+    line.ask(Command::RunProgram(homing(&[[-10.0, -10.0, -5.0]]))).expect("it fits");
+}
+
 const OUT: [[f64; 3]; 3] = [[10.0, 0.0, 5.0], [512.5, 0.0, 5.0], [10.0, 0.0, 5.0]];
 
 #[test]

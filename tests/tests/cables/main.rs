@@ -3,7 +3,7 @@
 mod rig;
 
 use axis_driver::codes::error_code;
-use axis_driver::driver::{Command, DriverConfig, RunOutcome};
+use axis_driver::driver::{Command, DriverConfig, RunOutcome, RunResult};
 use cnc_msgs::machine::Mode;
 use rig::{Board, Network, Shell, Stranger, config};
 use std::time::{Duration, Instant};
@@ -15,6 +15,26 @@ const RFC2217: &str = "rfc2217://127.0.0.1:0";
 
 fn board(listen: &str) -> Board {
     Board::start(Some(listen), Firmware::GrblHal, Duration::ZERO)
+}
+
+/// In the midst of a run of many lines, over a relay.
+fn in_a_run(listen: &str) -> (Board, Network, Shell) {
+    let board = board(listen);
+    let network = Network::to(&board.url);
+    let mut shell = Shell::new(&network.url);
+    shell.until_mode(Mode::Idle);
+    shell.run(4000);
+    shell.until("a line", |shell| shell.state.line > 20);
+    (board, network, shell)
+}
+
+/// Waits for the end of a run whose line is lost.
+#[track_caller]
+fn lost(shell: &mut Shell) -> RunResult {
+    let result = shell.result();
+    let end = (result.outcome, result.error_code);
+    assert_eq!(end, (RunOutcome::Aborted, error_code::LINK_LOST), "{result:?}");
+    result
 }
 
 #[test]
@@ -74,19 +94,9 @@ fn overrides_reach_a_board_as_bytes_over_each_cable() {
 #[test]
 fn a_connection_that_is_reset_in_a_run_is_unknown_and_a_moving_machine_is_held_when_it_is_back() {
     for listen in [TCP, WS, RFC2217] {
-        let board = board(listen);
-        let network = Network::to(&board.url);
-        let mut shell = Shell::new(&network.url);
-        shell.until_mode(Mode::Idle);
-        shell.run(4000);
-        shell.until("a line", |shell| shell.state.line > 20);
+        let (_board, network, mut shell) = in_a_run(listen);
         network.reset();
-        let result = shell.result();
-        assert_eq!(
-            (result.outcome, result.error_code),
-            (RunOutcome::Aborted, error_code::LINK_LOST),
-            "{listen}: {result:?}"
-        );
+        let result = lost(&mut shell);
         assert!(result.message.contains("motion may continue"), "{listen}: {result:?}");
         let unknown = shell.states.iter().any(|state| state.mode == Mode::Unknown);
         assert!(unknown, "{listen}: a lost line is never idle");
@@ -107,21 +117,11 @@ fn a_connection_that_is_reset_in_a_run_is_unknown_and_a_moving_machine_is_held_w
 #[test]
 fn a_connection_that_is_open_and_carries_nothing_is_unknown_and_holds_when_it_goes_on() {
     for listen in [TCP, WS, RFC2217] {
-        let board = board(listen);
-        let network = Network::to(&board.url);
-        let mut shell = Shell::new(&network.url);
-        shell.until_mode(Mode::Idle);
-        shell.run(4000);
-        shell.until("a line", |shell| shell.state.line > 20);
+        let (_board, network, mut shell) = in_a_run(listen);
         network.pause();
         let begin = Instant::now();
-        let result = shell.result();
+        lost(&mut shell);
         let after = begin.elapsed();
-        assert_eq!(
-            (result.outcome, result.error_code),
-            (RunOutcome::Aborted, error_code::LINK_LOST),
-            "{listen}: {result:?}"
-        );
         assert!(after < Duration::from_secs(2), "{listen}: noticed after {after:?}");
         shell.until_mode(Mode::Unknown);
         // The hold is the first thing that counts when the network is back, after the lines

@@ -41,7 +41,7 @@ impl std::fmt::Display for Host {
     }
 }
 
-/// Whether the bytes travel over a network all the way to the board, with no serial line behind it.
+/// Whether the bytes travel over a network all the way to the board, and over no serial line.
 pub(crate) fn is_networked(port: &str) -> bool {
     matches!(Address::parse(port), Ok(Address::Tcp(_) | Address::WebSocket { .. }))
 }

@@ -27,6 +27,15 @@ impl CheckTravel {
 impl Machine {
     /// What a path is judged by; an error where the controller has not reported enough.
     pub(in crate::driver) fn limits(&self) -> Result<MachineLimits, LimitsProblem> {
+        let limits = self.limits_when_homed()?;
+        Ok(match self.is_homed {
+            true => limits,
+            false => limits.not_homed(),
+        })
+    }
+
+    /// The same for a path that homes the machine before it moves.
+    pub(in crate::driver) fn limits_when_homed(&self) -> Result<MachineLimits, LimitsProblem> {
         let settings = ControllerSettings {
             firmware: self.firmware,
             options: self.options.clone(),
@@ -35,11 +44,7 @@ impl Machine {
             offsets: self.offsets.clone(),
             ..ControllerSettings::default()
         };
-        let limits = MachineLimits::of(&settings)?;
-        Ok(match self.is_homed {
-            true => limits,
-            false => limits.not_homed(),
-        })
+        MachineLimits::of(&settings)
     }
 
     /// The same for the time that a path takes.

@@ -101,10 +101,11 @@ impl ProgramRun {
         None
     }
 
-    /// Where places are compared, asks for the offsets before the first line: what the driver has
-    /// may be old, since a pendant or another program sets them too.
+    /// Where places are compared or were judged, asks for the offsets before the first line: what
+    /// the driver has may be old, since a pendant or another program sets them too.
     fn ask_offsets(&mut self, context: &mut Context) {
-        if !self.is_watched(context) || self.job.is_in_tool_change {
+        let counts = self.is_watched(context) || self.judged_by.is_some();
+        if !counts || self.job.is_in_tool_change {
             return self.send_preamble(context);
         }
         self.stage = Stage::Preparing { until: context.now + ANSWER };

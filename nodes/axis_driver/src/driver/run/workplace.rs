@@ -5,6 +5,7 @@ use crate::codes::error_code;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
 use crate::driver::context::limits::CheckTravel;
+use crate::driver::context::machine::Machine;
 use crate::driver::output::LogLevel;
 use crate::envelope::{Envelope, Workplace};
 use crate::machine_limits::{MachineLimits, StoredOffsets};
@@ -38,7 +39,11 @@ impl WorkplaceCheck {
         if check_travel == CheckTravel::Off && context.config.keep_out.keep_out.is_empty() {
             return None;
         }
-        let limits = match limits(context, request) {
+        let machine = &context.machine;
+        let homes = !machine.is_homed && first_element == 0 && homes_first(&request.path);
+        // Where the axes stand before that, they stand in another frame.
+        let start_in_machine = machine.machine_position().filter(|_| !homes);
+        let limits = match limits(machine, homes) {
             Ok(limits) => limits,
             Err(because) => {
                 let what = match context.config.keep_out.keep_out.is_empty() {
@@ -52,7 +57,7 @@ impl WorkplaceCheck {
         let workplace = Workplace {
             keep_out: &context.config.keep_out,
             tool_diameters_mm: &request.tool_diameters_mm,
-            start_in_machine: context.machine.machine_position(),
+            start_in_machine,
         };
         let envelope = Envelope::new(&limits, &request.path, first_element, workplace);
         Some(Self { envelope, offsets: limits.offsets, check_travel, judged: 0 })
@@ -106,25 +111,24 @@ impl WorkplaceCheck {
     }
 }
 
+/// Whether a path homes all axes before it moves.
+fn homes_first(path: &CompensatedPath) -> bool {
+    let mut before = path.events.iter().take_while(|event| event.at_element == 0);
+    before.any(|event| {
+        matches!(event.action, Action::Home { axes } if axes == AxisSet::ALL || axes.is_empty())
+    })
+}
+
 /// What the controller has reported about the machine as it will be when the program moves.
-fn limits(context: &Context, request: &RunRequest) -> Result<MachineLimits, String> {
-    let machine = &context.machine;
+fn limits(machine: &Machine, homes: bool) -> Result<MachineLimits, String> {
     if let Some(name) = machine.other_kinematics() {
         return Err(format!("with {name} kinematics the travel is not a box"));
     }
     if !machine.has_units {
         return Err("the controller has not reported its units ($13)".into());
     }
-    let homes_first = |path: &CompensatedPath| {
-        path.events.iter().take_while(|event| event.at_element == 0).any(
-            |event| matches!(event.action, Action::Home { axes } if axes == AxisSet::ALL || axes.is_empty()),
-        )
-    };
-    let limits = machine.limits().map_err(|problem| problem.to_string())?;
-    Ok(match machine.is_homed || homes_first(&request.path) {
-        true => limits,
-        false => limits.not_homed(),
-    })
+    let limits = if homes { machine.limits_when_homed() } else { machine.limits() };
+    limits.map_err(|problem| problem.to_string())
 }
 
 /// `line 12: what is wrong; what to do`
