@@ -93,7 +93,7 @@ fn chart(builds: &[(String, Counts)]) -> String {
             escaped(&short)
         );
     }
-    svg + "</svg>\n"
+    svg + "</svg>\n<p>Green: reproduced. Orange: different. Grey: cannot be compared.</p>\n"
 }
 
 fn tables(page: &mut String, report: &Report, groupings: &[Grouping]) {

@@ -198,7 +198,7 @@ impl PlacedBox {
         let overlap = hit.radius_mm - hit.nearest.distance_mm;
         message += &match hit.nearest.distance_mm > 0.0 {
             true => format!(", {:.3} mm from the side", hit.nearest.distance_mm),
-            false => ", over the box".to_owned(),
+            false => ", within its sides".to_owned(),
         };
         message += &format!(", and {:.3} mm below the top", (max[2] - z).max(0.0));
         if hit.blocks > 1 {
@@ -217,8 +217,10 @@ impl PlacedBox {
         };
         let mut finding = Finding::error(Code::KeepOut, hit.source, message).help(help);
         finding.position = hit.in_work;
-        finding.needed_mm = Some(hit.radius_mm);
-        finding.available_mm = Some(hit.nearest.distance_mm);
+        if hit.radius_mm > 0.0 {
+            finding.needed_mm = Some(hit.radius_mm);
+            finding.available_mm = Some(hit.nearest.distance_mm);
+        }
         Some(finding)
     }
 }
