@@ -6,10 +6,11 @@
 //! - `core/` decides: keys, rows, shards, conditions, what is still to do, what a report says, which commit
 //!   is tried next. It knows no file, clock or store
 //! - `table`: rows as Parquet; `store`: objects, tried again when a request fails
-//! - `facts`: the row of a bag; `push`: bags into the store; `spool`: bags that wait for it
+//! - `bag_file`: a bag as one file; `facts`: its row; `push`: bags into the store; `spool`: bags that wait for it
 //! - `dataset`: index and verdicts of a store; `worker` and `journal`: one shard
 //! - `report`, `page` and `pages`: what came out; `bisect`: which commit did it
 
+pub mod bag_file;
 pub mod bisect;
 pub mod core;
 pub mod dataset;

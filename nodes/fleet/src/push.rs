@@ -7,19 +7,13 @@ use crate::core::key::{bag_object, key_of};
 use crate::core::schema::{INDEX, Row, Value, place};
 use crate::facts::{Outside, row_of};
 use crate::store::{Missing, Store};
-use crate::{FleetError, dataset, spool};
+use crate::{FleetError, bag_file, dataset, spool};
 use bytes::Bytes;
-use run_recorder::bag_reader::{Bag, Problem};
-use run_recorder::stored_bags::MARK_FILE;
+use run_recorder::bag_reader::Bag;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
-
-/// Rows in one part of the index.
-const PART_ROWS: usize = 1_000;
-/// The largest bag that is read, bytes.
-const BAG_BYTES_MAX: u64 = 4 << 30;
+use std::path::PathBuf;
 
 /// What is to be pushed.
 #[derive(Debug, Default)]
@@ -122,7 +116,7 @@ pub fn push(
                     done.sent += usize::from(is_new);
                     done.known += usize::from(!is_new);
                     to.items.push(item);
-                    if to.part.len() < PART_ROWS {
+                    if to.part.len() < dataset::PART_ROWS {
                         continue;
                     }
                     let Err(error) = to.flush(store) else { continue };
@@ -147,6 +141,13 @@ pub fn push(
         && let Err(error) = to.flush(store)
     {
         offline.get_or_insert(error);
+    }
+    if let (Some(store), None) = (store, &offline)
+        && let Err(why) = dataset::join_index(store)
+    {
+        say(&format!(
+            "the small parts of the index were not joined, and nothing is missing: {why}"
+        ));
     }
     to.problems.iter().for_each(|problem| say(problem));
     let Some(error) = offline else { return Ok(done) };
@@ -255,15 +256,9 @@ fn is_whole(
 
 /// Reads a bag; the error says why it is refused, and what to do.
 fn prepare(item: &Item) -> Result<Prepared, String> {
-    let file = file_of(&item.path)?;
-    let content = intake::file::read(&file, BAG_BYTES_MAX).map_err(|why| why.to_string())?;
-    let content = Bytes::from(content);
-    let name = file.display().to_string();
+    let bag_file::BagFile { name, content, mark } = bag_file::read(&item.path)?;
     let mut bag = Bag::open(&name, Cursor::new(content.clone())).map_err(|why| why.to_string())?;
-    // The mark is beside the file, whichever of file and folder is given.
-    let mark =
-        || fs::read_to_string(file.with_file_name(MARK_FILE)).ok().map(|it| it.trim().to_owned());
-    let kept = item.kept.clone().or_else(mark);
+    let kept = item.kept.clone().or(mark);
     let key = key_of(&content);
     let outside = Outside {
         bag: key.clone(),
@@ -276,33 +271,8 @@ fn prepare(item: &Item) -> Result<Prepared, String> {
     let mut row = row_of(&mut bag, &outside);
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     row[place(INDEX, "pushed")] = now.map_or(Value::Null, |it| Value::count(it.as_micros()));
-    let damages = bag.problems().iter().filter(|it| it.is_damage() && !it.is_of_index());
-    let damages: Vec<String> = damages.map(Problem::to_string).collect();
-    if !damages.is_empty() {
-        return Err(format!(
-            "{}; if no recorder is writing it, `kerf bag recover BAG NEW` copies what can be read: push the copy",
-            damages.join("; ")
-        ));
-    }
+    bag_file::check(bag.problems())?;
     Ok(Prepared { key, content, row, kept })
-}
-
-/// The one MCAP file of a bag.
-fn file_of(path: &Path) -> Result<PathBuf, String> {
-    if !path.is_dir() {
-        return Ok(path.to_owned());
-    }
-    let entries = fs::read_dir(path).map_err(|why| why.to_string())?;
-    let files = entries.flatten().map(|entry| entry.path());
-    let mut files: Vec<PathBuf> =
-        files.filter(|it| it.extension().is_some_and(|it| it == "mcap")).collect();
-    match files.len() {
-        1 => Ok(files.swap_remove(0)),
-        0 => Err("no .mcap file is in this folder".to_owned()),
-        count => Err(format!(
-            "the bag has {count} files, and a store has one file for each bag; `kerf bag recover BAG NEW` joins them: push NEW"
-        )),
-    }
 }
 
 fn host() -> String {

@@ -40,6 +40,7 @@ pub struct Store {
 #[derive(Debug, Clone)]
 pub struct Listed {
     pub object: String,
+    pub bytes: u64,
     pub modified: SystemTime,
 }
 
@@ -208,6 +209,15 @@ impl Store {
         })
     }
 
+    /// Removes an object, if it is there.
+    pub fn remove(&self, object: &str) -> Result<(), FleetError> {
+        let path = ObjectPath::from(object);
+        match self.tried(object, || self.inner.delete(&path)) {
+            Ok(()) | Err(Missing::Absent) => Ok(()),
+            Err(Missing::Failed(error)) => Err(error),
+        }
+    }
+
     /// Every object in a folder and below, by name.
     pub fn list(&self, folder: &str) -> Result<Vec<Listed>, FleetError> {
         let path = ObjectPath::from(folder);
@@ -217,7 +227,11 @@ impl Store {
             while let Some(object) = listing.next().await {
                 let object = object?;
                 let modified = SystemTime::from(object.last_modified);
-                found.push(Listed { object: object.location.to_string(), modified });
+                found.push(Listed {
+                    object: object.location.to_string(),
+                    bytes: object.size,
+                    modified,
+                });
             }
             Ok(found)
         };

@@ -112,6 +112,17 @@ pub fn from_parquet(
     }
 }
 
+/// Whether a file has no other columns than these.
+pub fn has_only(content: Bytes, columns: &[Column]) -> bool {
+    let read = || SerializedFileReader::new(content);
+    let Ok(Ok(file)) = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)) else {
+        return false;
+    };
+    let schema = file.metadata().file_metadata().schema_descr();
+    let mut there = schema.columns().iter().map(|it| it.name());
+    there.all(|name| columns.iter().any(|(known, ..)| *known == name))
+}
+
 fn read(
     content: Bytes,
     columns: &[Column],
@@ -244,6 +255,10 @@ mod tests {
             &[("new", Kind::Text, ""), ("count", Kind::Integer, ""), ("bag", Kind::Text, "")];
         let read = read(&file, later, &["new", "bag"]);
         assert_eq!(read, Ok(vec![vec![Value::Null, Value::Null, Value::text("a")]]));
+        for (columns, expected) in [(COLUMNS, true), (&COLUMNS[1..], false), (later, false)] {
+            assert_eq!(has_only(Bytes::from(file.clone()), columns), expected);
+        }
+        assert!(!has_only(Bytes::from_static(b"PAR1"), COLUMNS));
     }
 
     #[test]

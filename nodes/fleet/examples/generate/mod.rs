@@ -143,6 +143,7 @@ pub(crate) fn bag(spec: &Spec) -> Vec<u8> {
         revision: 1,
         path,
         start_line: 0,
+        occurrence: 0,
         in_span: Default::default(),
         check_only: false,
         tool_diameters_mm: Default::default(),

@@ -40,7 +40,7 @@ pub fn is_key(text: &str) -> bool {
         && text.bytes().all(|it| it.is_ascii_digit() || (b'a'..=b'f').contains(&it))
 }
 
-/// The name of a part with the rows of these bags: the same bags in any order give the same name, so a
+/// The name of a part of the verdicts with the rows of these bags: the same bags in any order give the same name, so a
 /// part that is written twice is there once.
 pub fn part_name<'a>(bags: impl IntoIterator<Item = &'a str>) -> String {
     let mut bags: Vec<&str> = bags.into_iter().collect();
@@ -48,6 +48,14 @@ pub fn part_name<'a>(bags: impl IntoIterator<Item = &'a str>) -> String {
     let mut digits = key_of(bags.join("\n").as_bytes());
     digits.truncate(PART_DIGITS);
     digits
+}
+
+/// A part of the index with this content: no other content ever has its name, so a part that was read may be removed
+/// when its rows are elsewhere.
+pub fn index_part(content: &[u8]) -> String {
+    let mut digits = key_of(content);
+    digits.truncate(PART_DIGITS);
+    format!("{INDEX}/{digits}.parquet")
 }
 
 /// The folder of the verdicts of a build.

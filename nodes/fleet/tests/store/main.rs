@@ -1,5 +1,6 @@
 //! Stores, workers and reports, on bags of runs in virtual time.
 
+mod joined;
 mod mended;
 #[path = "../support/mod.rs"]
 mod support;
@@ -95,7 +96,7 @@ fn bad_input_is_named_and_the_rest_is_done() {
         ["text.mcap", "is not an MCAP file"],
         ["empty.mcap", "is empty"],
         ["flipped.mcap", "is damaged"],
-        ["split", "the bag has 2 files"],
+        ["split", "its 2 files are not of one run; push each file by itself"],
         ["none.mcap", "No such file"],
     ]) {
         assert!(sentence.contains(&format!("{name}: not pushed: ")), "{sentence}");
