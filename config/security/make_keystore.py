@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""Makes a keystore in the layout of SROS2 from a policy, with openssl.
+"""Makes a keystore in the layout of SROS2 from a policy, with openssl; for DDS and for Zenoh.
 
     make_keystore.py KEYSTORE                        for nodes without a namespace
     make_keystore.py KEYSTORE --namespace /cell/mill
     make_keystore.py KEYSTORE --policy my_policy.xml --days 30
+    make_keystore.py KEYSTORE --router cell-pc --router 10.0.0.2    the hosts that have a router of Zenoh
 
 KEYSTORE/private holds the key of the authority: take it away from the machine, whoever has it can
 make enclaves. KEYSTORE/enclaves/NAME holds what a node needs; whoever can read it is that node.
+KEYSTORE/routers/HOST is the same for a router, whose rules hold all rights.
 Run again with the same KEYSTORE it keeps the authority and makes all enclaves anew.
 """
 
@@ -19,6 +21,8 @@ import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from xml.sax.saxutils import escape
+
+import zenoh_access
 
 HERE = pathlib.Path(__file__).parent
 INCLUDE = "{http://www.w3.org/2001/XInclude}include"
@@ -53,29 +57,9 @@ def full_name(name, namespace, node):
     return f"{namespace}/{name}".lstrip("/")
 
 
-def topics_of(kind, right, name):
-    """The DDS topics that a right is about: those it publishes, those it subscribes to."""
-    def service(name):
-        return [f"rr/{name}Reply"], [f"rq/{name}Request"]
-
-    if kind == "topics":
-        mine, others = [f"rt/{name}"], []
-        is_mine = right == "publish"
-    elif kind == "services":
-        mine, others = service(name)
-        is_mine = right == "reply"
-    else:
-        pairs = [service(f"{name}/_action/{part}") for part in SERVICES_OF_ACTION]
-        mine = [topic for pair in pairs for topic in pair[0]]
-        mine += [f"rt/{name}/_action/{part}" for part in TOPICS_OF_ACTION]
-        others = [topic for pair in pairs for topic in pair[1]]
-        is_mine = right == "execute"
-    return (mine, others) if is_mine else (others, mine)
-
-
 def rights_of(enclave, folder, namespace):
-    """What an enclave may publish and what it may subscribe to."""
-    publish, subscribe = {EVERYBODY}, {EVERYBODY}
+    """What an enclave may do: pairs of `publish`, `subscribe`, `reply` or `request` and a name."""
+    rights = set()
     for profile in enclave.iter("profile"):
         if profile.get("node") == "*":
             sys.exit(f"{enclave.get('path')}: a node of any name could answer for every other")
@@ -86,9 +70,31 @@ def rights_of(enclave, folder, namespace):
                     sys.exit(f"{element.tag} {right}={verdict}: only ALLOW is understood here")
                 for item in element:
                     name = full_name(item.text.strip(), inside, profile.get("node"))
-                    mine, others = topics_of(element.tag, right, name)
-                    publish.update(mine)
-                    subscribe.update(others)
+                    rights.update(single_rights(element.tag, right, name))
+    return sorted(rights)
+
+
+def single_rights(kind, right, name):
+    """A right of the policy; those of an action are those of its services and topics."""
+    if kind != "actions":
+        return {(right, name)}
+    service, topic = ("reply", "publish") if right == "execute" else ("request", "subscribe")
+    return {(service, f"{name}/_action/{part}") for part in SERVICES_OF_ACTION} | {
+        (topic, f"{name}/_action/{part}") for part in TOPICS_OF_ACTION}
+
+
+def topics_of(rights):
+    """The DDS topics of rights: those that are published, those that are subscribed to."""
+    publish, subscribe = {EVERYBODY}, {EVERYBODY}
+    for right, name in rights:
+        if right in ("publish", "subscribe"):
+            (publish if right == "publish" else subscribe).add(f"rt/{name}")
+        else:
+            mine, others = f"rr/{name}Reply", f"rq/{name}Request"
+            if right == "request":
+                mine, others = others, mine
+            publish.add(mine)
+            subscribe.add(others)
     return sorted(publish), sorted(subscribe)
 
 
@@ -149,24 +155,49 @@ def sign(document, target, key, certificate):
     target.write_bytes(signed)
 
 
-def make_enclave(keystore, path, document, authority, days):
+def make_certificate(folder, name, authority, days, extensions=""):
+    """A key and a certificate of this name, which connects to others and, with names of hosts, listens."""
     key, certificate = authority
+    make_key(folder / "key.pem")
+    with tempfile.TemporaryDirectory() as work:
+        request, extended = pathlib.Path(work, "request"), pathlib.Path(work, "extensions")
+        # A name that begins with / needs its slashes escaped.
+        subject = "/CN=" + name.replace("/", "\\/")
+        openssl("req", "-new", "-key", folder / "key.pem", "-subj", subject, "-out", request)
+        extended.write_text(f"basicConstraints=CA:FALSE\n{extensions}")
+        openssl("x509", "-req", "-in", request, "-CA", certificate, "-CAkey", key,
+                "-set_serial", int.from_bytes(name.encode()[-8:], "big"), "-days", days,
+                "-extfile", extended, "-out", folder / "cert.pem")
+
+
+def make_enclave(keystore, path, rights, authority, args):
+    certificate = authority[1]
     folder = keystore / "enclaves" / path.lstrip("/")
     folder.mkdir(parents=True, exist_ok=True)
     folder.chmod(0o700)
     for name in ("identity_ca.cert.pem", "permissions_ca.cert.pem"):
         shutil.copyfile(certificate, folder / name)
     shutil.copyfile(keystore / "enclaves/governance.p7s", folder / "governance.p7s")
-    make_key(folder / "key.pem")
-    with tempfile.NamedTemporaryFile() as request:
-        # A name that begins with / needs its slashes escaped.
-        subject = "/CN=" + path.replace("/", "\\/")
-        openssl("req", "-new", "-key", folder / "key.pem", "-subj", subject, "-out", request.name)
-        openssl("x509", "-req", "-in", request.name, "-CA", certificate, "-CAkey", key,
-                "-set_serial", int.from_bytes(path.encode()[-8:], "big"), "-days", days,
-                "-out", folder / "cert.pem")
+    make_certificate(folder, path, authority, args.days)
+    publish, subscribe = topics_of(rights)
+    document = permissions(path, publish, subscribe, args.days)
     (folder / "permissions.xml").write_text(document)
-    sign(document, folder / "permissions.p7s", key, certificate)
+    sign(document, folder / "permissions.p7s", *authority)
+    zenoh_access.write(folder / "zenoh.json5", zenoh_access.session(args.at / folder.relative_to(keystore)))
+    print(f"{path}: publishes {len(publish)} topics, subscribes to {len(subscribe)}")
+
+
+def make_router(keystore, host, access, authority, args):
+    folder = keystore / "routers" / host
+    folder.mkdir(parents=True, exist_ok=True)
+    folder.chmod(0o700)
+    shutil.copyfile(authority[1], folder / "ca.cert.pem")
+    make_certificate(folder, zenoh_access.name_of(host), authority, args.days,
+                     f"subjectAltName={zenoh_access.subject_names(host)}\n")
+    others = [other for other in args.router if other != host]
+    zenoh_access.write(folder / "router.json5", zenoh_access.router(
+        host, others, args.at / folder.relative_to(keystore), access))
+    print(f"router of {host}: {folder / 'router.json5'}")
 
 
 def main():
@@ -176,19 +207,26 @@ def main():
     parser.add_argument("--governance", type=pathlib.Path, default=HERE / "governance.xml")
     parser.add_argument("--namespace", default="/", help="of nodes whose profile says ns=\"/\"")
     parser.add_argument("--days", type=int, default=365, help="how long keys are good")
+    parser.add_argument("--router", action="append", metavar="HOST",
+                        help="a host with a router of Zenoh, as the others reach it; localhost without any")
+    parser.add_argument("--at", type=pathlib.Path, metavar="FOLDER",
+                        help="where the keystore will be on the hosts, if not here")
     args = parser.parse_args()
+    args.router = list(dict.fromkeys(args.router or ["localhost"]))
+    args.at = (args.at or args.keystore).absolute()
     if shutil.which("openssl") is None:
         sys.exit("openssl is not installed")
 
     authority = make_authority(args.keystore, args.days)
     (args.keystore / "enclaves").mkdir(exist_ok=True)
     sign(args.governance.read_text(), args.keystore / "enclaves/governance.p7s", *authority)
-    for enclave in ElementTree.parse(args.policy).getroot().iter("enclave"):
-        path = enclave.get("path")
-        publish, subscribe = rights_of(enclave, args.policy.parent, args.namespace)
-        document = permissions(path, publish, subscribe, args.days)
-        make_enclave(args.keystore, path, document, authority, args.days)
-        print(f"{path}: publishes {len(publish)} topics, subscribes to {len(subscribe)}")
+    enclaves = {enclave.get("path"): rights_of(enclave, args.policy.parent, args.namespace)
+                for enclave in ElementTree.parse(args.policy).getroot().iter("enclave")}
+    for path, rights in enclaves.items():
+        make_enclave(args.keystore, path, rights, authority, args)
+    access = zenoh_access.access_control(enclaves, args.router)
+    for host in args.router:
+        make_router(args.keystore, host, access, authority, args)
 
 
 if __name__ == "__main__":

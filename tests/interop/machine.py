@@ -40,10 +40,13 @@ def domain():
 
 
 class Machine:
-    """`kerf up`, its nodes, and a controller that lives `time_factor` times as fast."""
+    """`kerf up`, its nodes, and a controller that lives `time_factor` times as fast.
+
+    `variables` of the environment, or what makes them from the namespace.
+    """
 
     def __init__(self, time_factor=10, ros_args=(), args=(), tools=None,
-                 rmw='rmw_cyclonedds_cpp'):
+                 rmw='rmw_cyclonedds_cpp', variables=()):
         number = f'{os.getpid()}_{next(_count)}'
         # A word that no other process on this host has in its command line.
         self.namespace = f'/mill_{number}'
@@ -55,7 +58,8 @@ class Machine:
         self._log = open(self.folder / 'up.log', 'wb')
         environment = {name: value for name, value in os.environ.items()
                        if not name.startswith(('ROS_', 'RMW_'))}
-        environment |= {'ROS_DOMAIN_ID': str(self.domain_id), 'RMW_IMPLEMENTATION': rmw}
+        environment |= {'ROS_DOMAIN_ID': str(self.domain_id), 'RMW_IMPLEMENTATION': rmw,
+                        **(variables(self.namespace) if callable(variables) else dict(variables))}
         self._up = subprocess.Popen(
             [kerf(), 'up', '--virtual-controller', '--time-factor', str(time_factor), *args,
              '--ros-args', '-r', f'__ns:={self.namespace}',

@@ -59,6 +59,7 @@ def _named(field):
     return [] if kind == Nodetype.BASE else _named(inner[0])
 
 
+@functools.cache
 def type_hash(name):
     """`RIHS01_...` of a type."""
     return oracle.build()[0].hash_rihs01(name)
