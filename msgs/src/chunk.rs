@@ -6,15 +6,17 @@
 //! only when every count and checksum agrees.
 
 mod collect;
+mod cut;
 
 pub use collect::{Chunk, ChunkError, Collector};
 
 use crate::cdr;
 use crate::contour::{ContourEvent, ContourEventKind, ProgrammedContour};
-use crate::convert::path_element_to_wire;
+use crate::convert::{chain_to_wire, path_element_to_wire};
 use crate::path::CompensatedPath;
 use crate::units::point_from_position;
 use crate::wire::cnc_msgs::msg as wire;
+use cut::{Cut, Cutter};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
@@ -94,28 +96,23 @@ pub struct ContourChunks {
     program_id: String,
     contour: ProgrammedContour,
     /// First event of each chunk, and the end.
-    cuts: Vec<usize>,
+    cuts: Vec<Cut<1>>,
     sha256: String,
 }
 
 impl ContourChunks {
     /// Cuts it; the checksum over all chunks is computed once, here.
     pub fn new(program_id: String, contour: ProgrammedContour) -> Self {
-        let mut cuts = vec![0];
-        let mut bytes = 0;
+        let mut cutter = Cutter::new(&contour.calls);
         for (index, event) in contour.events.iter().enumerate() {
-            let size = EVENT_BYTES + action_bytes(event);
-            if bytes + size > BODY_BYTES_MAX {
-                cuts.push(index);
-                bytes = 0;
-            }
-            bytes += size;
+            cutter.take([index], EVENT_BYTES + action_bytes(event), event.source.call);
         }
-        cuts.push(contour.events.len());
+        let cuts = cutter.finish([contour.events.len()]);
         let mut chunks = Self { program_id, contour, cuts, sha256: String::new() };
         let mut hasher = Sha256::new();
         for index in 0..chunks.count() {
-            hasher.update(cdr::body(&chunks.events(index)));
+            let (events, event_calls, calls) = chunks.body(index);
+            hasher.update(contour_body(&events, &event_calls, &calls));
         }
         chunks.sha256 = hex(&hasher.finalize());
         chunks
@@ -129,6 +126,7 @@ impl ContourChunks {
             sha256: self.sha256.clone(),
             start: point_from_position(self.contour.start),
             assumed_axes: self.contour.assumed_axes.bits(),
+            call_count: self.contour.calls.rows().len() as u64,
             ..wire::ProgrammedContour::default()
         }
     }
@@ -152,9 +150,12 @@ impl ContourChunks {
         &self.sha256
     }
 
-    fn events(&self, index: u32) -> Vec<wire::ContourEvent> {
-        let range = self.cuts[index as usize]..self.cuts[index as usize + 1];
-        self.contour.events[range].iter().map(Into::into).collect()
+    fn body(&self, index: u32) -> (Vec<wire::ContourEvent>, Vec<u32>, Vec<wire::Call>) {
+        let (from, to) = (self.cuts[index as usize], self.cuts[index as usize + 1]);
+        let events = &self.contour.events[from.items[0]..to.items[0]];
+        let calls = calls_of(events.iter().map(|event| event.source.call));
+        let rows = &self.contour.calls.rows()[from.rows..to.rows];
+        (events.iter().map(Into::into).collect(), calls, chain_to_wire(rows))
     }
 
     /// The chunk of this number, if there is one.
@@ -162,14 +163,16 @@ impl ContourChunks {
         if index >= self.count() {
             return None;
         }
-        let events = self.events(index);
+        let (events, event_calls, calls) = self.body(index);
         Some(wire::ContourChunk {
             program_id: self.program_id.clone(),
             index,
             chunk_count: self.count(),
-            first_event: self.cuts[index as usize] as u64,
-            crc32: crc32fast::hash(&cdr::body(&events)),
+            first_event: self.cuts[index as usize].items[0] as u64,
+            crc32: crc32fast::hash(&contour_body(&events, &event_calls, &calls)),
             events,
+            event_calls,
+            calls,
         })
     }
 }
@@ -188,39 +191,33 @@ pub struct PathChunks {
     revision: u64,
     path: Arc<CompensatedPath>,
     /// First element and first event of each chunk, and the end.
-    cuts: Vec<(usize, usize)>,
+    cuts: Vec<Cut<2>>,
     sha256: String,
 }
 
 impl PathChunks {
     /// Cuts it; the checksum over all chunks is computed once, here.
     pub fn new(program_id: String, revision: u64, path: Arc<CompensatedPath>) -> Self {
-        let mut cuts = vec![(0, 0)];
-        let (mut bytes, mut event) = (0, 0);
+        let mut cutter = Cutter::new(&path.calls);
+        let mut event = 0;
         for element in 0..=path.elements.len() {
             // An event is in the chunk of the element that follows it.
-            while path.events.get(event).is_some_and(|next| next.at_element <= element) {
-                let size = EVENT_BYTES + FUNCTION_BYTES + path.events[event].action.text().len();
-                if bytes + size > BODY_BYTES_MAX {
-                    cuts.push((element, event));
-                    bytes = 0;
-                }
-                bytes += size;
+            while let Some(next) = path.events.get(event)
+                && next.at_element <= element
+            {
+                let size = EVENT_BYTES + FUNCTION_BYTES + next.action.text().len();
+                cutter.take([element, event], size, next.source.call);
                 event += 1;
             }
-            if element < path.elements.len() {
-                if bytes + ELEMENT_BYTES > BODY_BYTES_MAX {
-                    cuts.push((element, event));
-                    bytes = 0;
-                }
-                bytes += ELEMENT_BYTES;
+            if let Some(it) = path.elements.get(element) {
+                cutter.take([element, event], ELEMENT_BYTES, it.source.call);
             }
         }
-        cuts.push((path.elements.len(), path.events.len()));
+        let cuts = cutter.finish([path.elements.len(), path.events.len()]);
         let mut chunks = Self { program_id, revision, path, cuts, sha256: String::new() };
         let mut hasher = Sha256::new();
         for index in 0..chunks.count() {
-            hasher.update(cdr::body(&chunks.body(index)));
+            hasher.update(path_body(&chunks.body(index)));
         }
         chunks.sha256 = hex(&hasher.finalize());
         chunks
@@ -235,6 +232,7 @@ impl PathChunks {
             sha256: self.sha256.clone(),
             start: point_from_position(self.path.start),
             assumed_axes: self.path.assumed_axes.bits(),
+            call_count: self.path.calls.rows().len() as u64,
             ..wire::CompensatedPath::default()
         }
     }
@@ -253,14 +251,25 @@ impl PathChunks {
         &self.sha256
     }
 
-    fn body(&self, index: u32) -> (Vec<wire::PathElement>, Vec<wire::PathEvent>) {
+    /// The body of a chunk, in a chunk that has nothing else.
+    fn body(&self, index: u32) -> wire::PathChunk {
         let (from, to) = (self.cuts[index as usize], self.cuts[index as usize + 1]);
-        let elements = (from.0..to.0)
-            .map(|index| {
-                path_element_to_wire(self.path.start_of(index), &self.path.elements[index])
-            })
-            .collect();
-        (elements, self.path.events[from.1..to.1].iter().map(Into::into).collect())
+        let range = from.items[0]..to.items[0];
+        let elements = &self.path.elements[range.clone()];
+        let events = &self.path.events[from.items[1]..to.items[1]];
+        let to_wire = |(index, element)| path_element_to_wire(self.path.start_of(index), element);
+        let mut body = wire::PathChunk {
+            elements: range.zip(elements).map(to_wire).collect(),
+            events: events.iter().map(Into::into).collect(),
+            element_calls: elements.iter().map(|element| element.source.call).collect(),
+            event_calls: events.iter().map(|event| event.source.call).collect(),
+            calls: chain_to_wire(&self.path.calls.rows()[from.rows..to.rows]),
+            ..wire::PathChunk::default()
+        };
+        if body.element_calls.iter().chain(&body.event_calls).all(|&call| call == 0) {
+            (body.element_calls, body.event_calls) = (Vec::new(), Vec::new());
+        }
+        body
     }
 
     /// The chunk of this number, if there is one.
@@ -269,16 +278,43 @@ impl PathChunks {
             return None;
         }
         let body = self.body(index);
-        let crc32 = crc32fast::hash(&cdr::body(&body));
         Some(wire::PathChunk {
             program_id: self.program_id.clone(),
             revision: self.revision,
             index,
             chunk_count: self.count(),
-            first_element: self.cuts[index as usize].0 as u64,
-            elements: body.0,
-            events: body.1,
-            crc32,
+            first_element: self.cuts[index as usize].items[0] as u64,
+            crc32: crc32fast::hash(&path_body(&body)),
+            ..body
         })
     }
+}
+
+/// Nothing where none of them has a call.
+fn calls_of(calls: impl Iterator<Item = u32> + Clone) -> Vec<u32> {
+    if calls.clone().all(|call| call == 0) { Vec::new() } else { calls.collect() }
+}
+
+/// The bytes that the checksums of a chunk of a contour cover. Without calls they are those of its
+/// events, as before there were calls.
+fn contour_body(
+    events: &Vec<wire::ContourEvent>,
+    event_calls: &Vec<u32>,
+    calls: &Vec<wire::Call>,
+) -> Vec<u8> {
+    let mut body = cdr::body(events);
+    if !event_calls.is_empty() || !calls.is_empty() {
+        body.extend(cdr::body(&(event_calls, calls)));
+    }
+    body
+}
+
+/// The same of a chunk of a path.
+fn path_body(chunk: &wire::PathChunk) -> Vec<u8> {
+    let wire::PathChunk { elements, events, element_calls, event_calls, calls, .. } = chunk;
+    let mut body = cdr::body(&(elements, events));
+    if !element_calls.is_empty() || !event_calls.is_empty() || !calls.is_empty() {
+        body.extend(cdr::body(&(element_calls, event_calls, calls)));
+    }
+    body
 }

@@ -3,6 +3,8 @@
 //! A dialect turns its words into these; the planner reads nothing else and
 //! never sees a G number. Order is order of execution.
 
+use crate::calls::Calls;
+use crate::further::FurtherMove;
 use crate::geometry::{AxisSet, Direction, Plane, Position, Shape};
 use crate::text::{Text, Words};
 use serde::{Deserialize, Serialize};
@@ -18,6 +20,16 @@ pub struct ProgrammedContour {
     pub assumed_axes: AxisSet,
     /// All events in order of execution.
     pub events: Vec<ContourEvent>,
+    /// The calls and loop passes that the events were run in.
+    pub calls: Calls,
+}
+
+impl ProgrammedContour {
+    /// Drops the calls and passes of all events, as in the messages of before there were any.
+    pub fn forget_calls(&mut self) {
+        self.calls = Calls::default();
+        self.events.iter_mut().for_each(|event| event.source.call = 0);
+    }
 }
 
 /// One event and the block it comes from.
@@ -38,6 +50,16 @@ pub struct Source {
     pub column: u16,
     /// Length of the block, in characters.
     pub length: u16,
+    /// Row in the table of calls, from 1: how the line came to be run; 0 in the main program
+    /// outside of loops.
+    pub call: u32,
+}
+
+impl Source {
+    /// Whether it is of the same line, and of the same time that the line was run.
+    pub fn is_same_place(self, other: Self) -> bool {
+        (self.line, self.call) == (other.line, other.call)
+    }
 }
 
 /// What happens.
@@ -180,6 +202,8 @@ pub enum Action {
     StoreReference { second: bool },
     /// `G53`: a move in machine coordinates, mm; only the axes that are named.
     MachineMove { target: Position, axes: AxisSet, rapid: bool, feed_mm_per_min: f64 },
+    /// The block moves A, B, C, U, V or W, with its motion or alone.
+    Further(FurtherMove),
     /// These axes are homed; the machine decides where they are afterwards.
     Home { axes: AxisSet },
     /// The axes stop here before the next motion (`G9`).
@@ -216,6 +240,7 @@ impl Action {
             Self::Stop { .. } => "stop_point",
             Self::ProgramEnd { .. } => "program_end",
             Self::Message { .. } => "message",
+            Self::Further(_) => "axes",
             Self::ToolLength { .. }
             | Self::WorkOffset { .. }
             | Self::Auxiliary { .. }
@@ -262,6 +287,7 @@ impl Action {
                 format!("G10 L{mode} P{system}{}", axis_words(axes, origin))
             }
             Self::StoreReference { second } => if second { "G30.1" } else { "G28.1" }.into(),
+            Self::Further(further) => further.text(),
             Self::Home { axes } => format!("Home {}", axes.letters()),
             Self::ExactStop => "G9".into(),
             Self::Message { text } => format!("(MSG, {text})"),

@@ -4,6 +4,7 @@
 //! NaN is rejected. Outgoing conversions cannot fail. Units are converted by
 //! [`units`](crate::units) alone.
 
+mod calls;
 mod contour;
 mod finding;
 mod function;
@@ -11,6 +12,8 @@ mod machine;
 mod path;
 mod tool_table;
 
+pub use calls::chain_to_wire;
+pub use function::{further_from_wire, further_to_wire};
 pub use machine::{
     link_watch_from_wire, link_watch_to_wire, machine_state_to_wire, mode_from_wire, mode_to_wire,
 };
@@ -86,7 +89,7 @@ fn block_to_wire(block: Option<u32>) -> Vec<u32> {
 }
 
 fn source(line: u32, block: &[u32], column: u16, length: u16) -> Source {
-    Source { line, block: block.first().copied(), column, length }
+    Source { line, block: block.first().copied(), column, length, call: 0 }
 }
 
 fn arc(

@@ -2,6 +2,7 @@
 //!
 //! A finding is data; whoever shows it renders it.
 
+use crate::calls::Call;
 use crate::contour::Source;
 use crate::geometry::Position;
 use serde::{Deserialize, Serialize};
@@ -286,6 +287,10 @@ pub struct Finding {
     pub source: Source,
     /// The other block of a pair.
     pub other: Option<Source>,
+    /// The calls and loop passes that led to the place, the innermost first.
+    pub calls: Vec<Call>,
+    /// The same of the other block.
+    pub other_calls: Vec<Call>,
     /// Where in the work frame, mm.
     pub position: Option<Position>,
     /// How deep the tool cuts into the part, mm.
@@ -309,6 +314,8 @@ impl Finding {
             alarm: None,
             source,
             other: None,
+            calls: Vec::new(),
+            other_calls: Vec::new(),
             position: None,
             depth_mm: None,
             needed_mm: None,

@@ -10,11 +10,13 @@
 //! [`units`] is the only place where millimetres meet metres, and [`chunk`] cuts
 //! what is too long for a message.
 
+pub mod calls;
 pub mod cdr;
 pub mod chunk;
 pub mod contour;
 pub mod convert;
 pub mod finding;
+pub mod further;
 pub mod geometry;
 pub mod interface;
 pub mod keep_out;

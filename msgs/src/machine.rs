@@ -3,6 +3,7 @@
 //! In millimetres and revolutions per minute; [`Mode::Unknown`] is an answer.
 
 use crate::contour::{CutterSide, SpindleMode};
+use crate::further::FurtherAxes;
 use crate::geometry::Position;
 use serde::{Deserialize, Serialize};
 
@@ -130,4 +131,23 @@ pub struct MachineState {
     pub overrides_percent: [u8; 3],
     /// Input pins that are active, as the firmware letters them: `XZP`.
     pub pins: String,
+    /// A, B, C, U, V and W; `None` where the controller reports none.
+    #[serde(default)]
+    pub further: Option<Box<FurtherPlaces>>,
+}
+
+impl MachineState {
+    /// Where A, B, C, U, V and W are, as far as it is known.
+    pub fn further(&self) -> FurtherPlaces {
+        self.further.as_deref().copied().unwrap_or_default()
+    }
+}
+
+/// Where the axes besides X, Y and Z are.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct FurtherPlaces {
+    /// In the machine frame.
+    pub machine: FurtherAxes,
+    /// In the work frame; none until the offset is known too.
+    pub work: FurtherAxes,
 }

@@ -1,11 +1,14 @@
 //! The compensated path: the only thing that can be sent to a machine.
 
 mod entry;
+mod runs;
 
+use crate::calls::Calls;
 use crate::contour::{Action, CutterSide, Source};
 use crate::geometry::{AxisSet, Position, Shape};
 
-pub use entry::{Entry, PastEnd, StartInSpan, in_force};
+pub use entry::{Entry, NoEntry, StartInSpan, in_force};
+pub use runs::RunOfLine;
 
 /// The path of the tool centre, with everything that happens along it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -19,6 +22,8 @@ pub struct CompensatedPath {
     pub elements: Vec<PathElement>,
     /// All that is not motion, in order.
     pub events: Vec<PathEvent>,
+    /// The calls and loop passes that elements and events were run in.
+    pub calls: Calls,
 }
 
 /// One line or arc of the tool centre.

@@ -61,6 +61,36 @@ pub fn received_mm_per_min(mm_per_min: f64) -> f64 {
     mm_per_min_from_m_per_s(m_per_s_from_mm_per_min(mm_per_min))
 }
 
+/// Degrees to radians.
+pub fn rad_from_degrees(degrees: f64) -> f64 {
+    degrees.to_radians()
+}
+
+/// Radians to degrees, on a grid of 1e-9 degrees.
+pub fn degrees_from_rad(rad: f64) -> f64 {
+    on_grid(rad.to_degrees() * GRID)
+}
+
+/// Degrees a minute to radians a second.
+pub fn rad_per_s_from_degrees_per_min(degrees_per_min: f64) -> f64 {
+    degrees_per_min.to_radians() / 60.0
+}
+
+/// Radians a second to degrees a minute, on a grid of 1e-9 degrees/min.
+pub fn degrees_per_min_from_rad_per_s(rad_per_s: f64) -> f64 {
+    on_grid(rad_per_s.to_degrees() * 60.0 * GRID)
+}
+
+/// An angle, degrees, as the receiver of a message gets it.
+pub fn received_degrees(degrees: f64) -> f64 {
+    degrees_from_rad(rad_from_degrees(degrees))
+}
+
+/// A rate of turning, degrees/min, as the receiver of a message gets it.
+pub fn received_degrees_per_min(degrees_per_min: f64) -> f64 {
+    degrees_per_min_from_rad_per_s(rad_per_s_from_degrees_per_min(degrees_per_min))
+}
+
 /// A speed, rev/min, as the receiver of a message gets it.
 pub fn received_rpm(rpm: f64) -> f64 {
     rpm_from_rad_per_s(rad_per_s_from_rpm(rpm))
@@ -94,7 +124,16 @@ mod tests {
                 continue;
             }
             assert_eq!(mm_from_m(m_from_mm(mm)).to_bits(), mm.to_bits(), "{mm} mm");
+            assert_eq!(
+                degrees_from_rad(rad_from_degrees(mm)).to_bits(),
+                mm.to_bits(),
+                "{mm} degrees"
+            );
             let positive = mm.abs();
+            assert_eq!(
+                degrees_per_min_from_rad_per_s(rad_per_s_from_degrees_per_min(positive)),
+                positive
+            );
             assert_eq!(mm_per_min_from_m_per_s(m_per_s_from_mm_per_min(positive)), positive);
             assert_eq!(rpm_from_rad_per_s(rad_per_s_from_rpm(positive)), positive);
         }
@@ -108,7 +147,7 @@ mod tests {
             let part = (state >> 11) as f64 / (1u64 << 53) as f64;
             let magnitude = 10f64.powi((state % 13) as i32 - 6);
             let value = (2.0 * part - 1.0) * magnitude;
-            for received in [received_mm, received_mm_per_min, received_rpm] {
+            for received in [received_mm, received_mm_per_min, received_rpm, received_degrees] {
                 let once = received(value);
                 assert!((once - value).abs() <= 1e-9 + value.abs() * 1e-15, "{value}");
                 assert_eq!(received(once).to_bits(), once.to_bits(), "{value}");

@@ -118,6 +118,7 @@ impl Line {
             revision: 0,
             path: Arc::new(zigzag(400_000)),
             start_line: 0,
+            occurrence: 0,
             in_span: Default::default(),
             check_only: false,
             tool_diameters_mm: Default::default(),

@@ -265,6 +265,7 @@ impl Line {
             revision: 1,
             path: Arc::new(path),
             start_line,
+            occurrence: 0,
             in_span: Default::default(),
             check_only: false,
             tool_diameters_mm: Default::default(),

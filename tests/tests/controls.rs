@@ -138,6 +138,7 @@ fn the_page_is_up_to_date() -> Result<(), Failed> {
             writeln!(page, "| {} | {} | {proof} | {switch} |", row.id, cell(&rule))?;
         }
     }
+    page += include_str!("../controls/language.txt");
     expect_test::expect_file![root().join("docs/controls.md")].assert_eq(&page);
     Ok(())
 }

@@ -254,6 +254,7 @@ fn check_mode_reads_every_line_moves_nothing_and_ends_in_a_reset() {
                 revision: 1,
                 path: std::sync::Arc::new(path),
                 start_line: 0,
+                occurrence: 0,
                 in_span: Default::default(),
                 check_only: true,
                 tool_diameters_mm: Default::default(),

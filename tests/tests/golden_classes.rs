@@ -6,13 +6,17 @@
 use cnc_msgs::cdr;
 use cnc_msgs::finding::Code;
 use cnc_msgs::interface::Message;
+use cnc_msgs::schema::TypeInfo;
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg::{
     Command, CompensatedPath, CompensationReport, ControllerTraffic, MachineState,
     ProgrammedContour, TrafficEntry,
 };
 use kerf_tests::root;
+use replay::{completed, with_names_of_today};
 use rosidl::decode::decode;
+use rosidl::encode::encode;
+use rosidl::schema::MessageSchema;
 use rosidl::value::Value;
 use run_recorder::bag_reader::BagMessage;
 use run_recorder::files::open_bag;
@@ -67,28 +71,21 @@ fn said() -> BTreeSet<(In, String)> {
     said
 }
 
-/// Definitions of then that differ from today's in names alone.
-const SAME_BYTES: [(&str, &str); 3] = [
-    (
-        CompensatedPath::TYPE_NAME,
-        "RIHS01_962c69237c705e49eb33562553cc3c6a2d7fe3b7fac3e7742249367a97c923d5",
-    ),
-    (
-        CompensationReport::TYPE_NAME,
-        "RIHS01_e1cc32bb2c7236f4cdebccf77b35cc08570ab681a6b8b3aa0bc8126d8df1f3d5",
-    ),
-    (
-        ProgrammedContour::TYPE_NAME,
-        "RIHS01_a4e3e2c78258a2ae8ee564d9bba79bc75159e164035b308f9b652ef9fd990d06",
-    ),
-];
-
 fn collect(said: &mut BTreeSet<(In, String)>, message: &BagMessage) {
+    // What was recorded with an older definition is read as replay reads it.
     fn of<M: Message>(message: &BagMessage) -> Option<M> {
-        let hash = message.channel.type_hash.as_str();
-        let is_readable = hash == cnc_msgs::schema::TypeInfo::of::<M>().rihs01
-            || SAME_BYTES.iter().any(|(name, then)| *name == M::TYPE_NAME && *then == hash);
-        is_readable.then(|| cdr::decode(&message.data).expect("a message of its type"))
+        let today = TypeInfo::of::<M>().schema_text;
+        let then = message.channel.schema.as_ref()?;
+        let then = std::str::from_utf8(&then.text).expect("a definition is text");
+        if then == today {
+            return Some(cdr::decode(&message.data).expect("a message of its type"));
+        }
+        let schema = |text| MessageSchema::parse(M::TYPE_NAME, text).expect("a definition");
+        let then = with_names_of_today(M::TYPE_NAME, schema(then));
+        let today = schema(today);
+        let value = decode(&then, &message.data).expect("a message of its type");
+        let now = encode(&today, &completed(&today, &value)).expect("a message of today");
+        Some(cdr::decode(&now).expect("a message of today"))
     }
     match message.channel.type_name() {
         ProgrammedContour::TYPE_NAME => {

@@ -10,7 +10,16 @@ use program_loader::{LoadOptions, load};
 const LAYERS: [(&str, &[&str]); 3] = [
     (
         "nodes/runtime/src",
-        &["process", "parameters", "command_line", "rustdds", "endpoints", "managed"],
+        &[
+            "process",
+            "parameters",
+            "command_line",
+            "samples",
+            "rustdds",
+            "zenoh",
+            "endpoints",
+            "managed",
+        ],
     ),
     ("nodes/compensation_planner/src", &["geometry", "span", "check", "walk", "tools", "node"]),
     (

@@ -93,6 +93,7 @@ fn has_no_zero(line: &mut Line) {
             revision: 1,
             path: std::sync::Arc::new(path.clone()),
             start_line: 0,
+            occurrence: 0,
             in_span: Default::default(),
             check_only: false,
             tool_diameters_mm: Default::default(),

@@ -75,6 +75,7 @@ fn request(path: &CompensatedPath, start_line: u32) -> Command {
         revision: 1,
         path: Arc::new(path.clone()),
         start_line,
+        occurrence: 0,
         in_span: Default::default(),
         check_only: false,
         tool_diameters_mm: Default::default(),

@@ -49,7 +49,7 @@ impl Part {
     }
 
     fn start(&self, line: u32) -> Result<Start, Box<NoStart>> {
-        start(&self.contour, &self.profile, &self.path, line)
+        start(&self.contour, &self.profile, &self.path, line, 0)
     }
 
     fn request(&self, start_line: u32, in_span: StartInSpan) -> Command {
@@ -58,6 +58,7 @@ impl Part {
             revision: 1,
             path: Arc::new(self.path.clone()),
             start_line,
+            occurrence: 0,
             in_span,
             check_only: false,
             tool_diameters_mm: Default::default(),

@@ -32,6 +32,7 @@ fn rate(path: CompensatedPath) -> (f64, f64) {
         revision: 1,
         path: Arc::new(path),
         start_line: 0,
+        occurrence: 0,
         in_span: Default::default(),
         check_only: false,
         tool_diameters_mm: Default::default(),

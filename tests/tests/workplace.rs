@@ -55,6 +55,7 @@ fn request(path: CompensatedPath) -> RunRequest {
         revision: 1,
         path: Arc::new(path),
         start_line: 0,
+        occurrence: 0,
         in_span: Default::default(),
         check_only: false,
         tool_diameters_mm: [(1, 6.0)].into(),

@@ -1,8 +1,8 @@
 //! Reassembles chunks.
 
 use super::{ITEM_COUNT_MAX, hex};
-use crate::cdr;
-use crate::contour::{ContourEventKind, ProgrammedContour};
+use crate::calls::Calls;
+use crate::contour::{ContourEvent, ContourEventKind, ProgrammedContour};
 use crate::convert::{WireError, checked_position};
 use crate::geometry::{AxisSet, Shape};
 use crate::path::{CompensatedPath, PathElement, PathEvent};
@@ -77,7 +77,7 @@ impl Chunk for wire::ContourChunk {
         (self.crc32, crc32fast::hash(&self.body()))
     }
     fn body(&self) -> Vec<u8> {
-        cdr::body(&self.events)
+        super::contour_body(&self.events, &self.event_calls, &self.calls)
     }
 }
 
@@ -95,7 +95,7 @@ impl Chunk for wire::PathChunk {
         (self.crc32, crc32fast::hash(&self.body()))
     }
     fn body(&self) -> Vec<u8> {
-        cdr::body(&(&self.elements, &self.events))
+        super::path_body(self)
     }
 }
 
@@ -218,7 +218,9 @@ impl Collector<wire::ContourChunk> {
     /// A collector for the contour of this manifest.
     pub fn for_contour(manifest: &wire::ProgrammedContour) -> Result<Self, ChunkError> {
         check_announced("events", manifest.event_count, ITEM_COUNT_MAX)?;
-        check_announced("chunks", manifest.chunk_count.into(), manifest.event_count + 1)?;
+        check_announced("calls", manifest.call_count, ITEM_COUNT_MAX)?;
+        let items = manifest.event_count + manifest.call_count;
+        check_announced("chunks", manifest.chunk_count.into(), items + 1)?;
         Ok(Self::new(&manifest.program_id, 0, manifest.chunk_count, &manifest.sha256))
     }
 
@@ -228,20 +230,42 @@ impl Collector<wire::ContourChunk> {
         manifest: &wire::ProgrammedContour,
     ) -> Result<ProgrammedContour, ChunkError> {
         self.check_sum()?;
-        let mut events = Vec::new();
+        let mut events: Vec<ContourEvent> = Vec::new();
+        let mut calls = Calls::default();
         for (index, chunk) in self.chunks {
-            for event in &chunk.events {
-                events
-                    .push(event.try_into().map_err(|error| ChunkError::Content { index, error })?);
+            let content = |error| ChunkError::Content { index, error };
+            calls.extend_from_wire(&chunk.calls).map_err(content)?;
+            let rows = row_of_each("event_calls", &chunk.event_calls, chunk.events.len(), &calls);
+            for (event, call) in chunk.events.iter().zip(rows.map_err(content)?) {
+                let mut event = ContourEvent::try_from(event).map_err(content)?;
+                event.source.call = call;
+                events.push(event);
             }
         }
         check_count("events", events.len(), manifest.event_count)?;
+        check_count("calls", calls.rows().len(), manifest.call_count)?;
         let start = checked_position("start", &manifest.start).map_err(ChunkError::Manifest)?;
         let assumed_axes = AxisSet::from_bits(manifest.assumed_axes);
-        let mut contour = ProgrammedContour { start, assumed_axes, events };
+        let mut contour = ProgrammedContour { start, assumed_axes, events, calls };
         level_centers(&mut contour);
         Ok(contour)
     }
+}
+
+/// The row of each item of a chunk.
+fn row_of_each<'c>(
+    field: &'static str,
+    rows: &'c [u32],
+    count: usize,
+    calls: &Calls,
+) -> Result<impl Iterator<Item = u32> + use<'c>, WireError> {
+    if !rows.is_empty() && rows.len() != count {
+        return Err(WireError::Number { field, value: rows.len() as f64 });
+    }
+    for &row in rows {
+        calls.known(row)?;
+    }
+    Ok(rows.iter().copied().chain(std::iter::repeat(0)))
 }
 
 /// Sets each centre to the height of its start, bit for bit, as before sending.
@@ -263,7 +287,8 @@ impl Collector<wire::PathChunk> {
     pub fn for_path(manifest: &wire::CompensatedPath) -> Result<Self, ChunkError> {
         check_announced("elements", manifest.element_count, ITEM_COUNT_MAX)?;
         check_announced("events", manifest.event_count, ITEM_COUNT_MAX)?;
-        let items = manifest.element_count + manifest.event_count;
+        check_announced("calls", manifest.call_count, ITEM_COUNT_MAX)?;
+        let items = manifest.element_count + manifest.event_count + manifest.call_count;
         check_announced("chunks", manifest.chunk_count.into(), items + 1)?;
         Ok(Self::new(
             &manifest.program_id,
@@ -285,7 +310,10 @@ impl Collector<wire::PathChunk> {
         let mut end = manifest.start.clone();
         for (index, chunk) in self.chunks {
             let content = |error| ChunkError::Content { index, error };
-            for element in &chunk.elements {
+            path.calls.extend_from_wire(&chunk.calls).map_err(content)?;
+            let (of_elements, of_events) = (&chunk.element_calls, &chunk.event_calls);
+            let rows = row_of_each("element_calls", of_elements, chunk.elements.len(), &path.calls);
+            for (element, call) in chunk.elements.iter().zip(rows.map_err(content)?) {
                 if element.start != end {
                     return Err(ChunkError::Gap {
                         index: path.elements.len() as u64,
@@ -294,14 +322,20 @@ impl Collector<wire::PathChunk> {
                     });
                 }
                 end = element.end.clone();
-                path.elements.push(PathElement::try_from(element).map_err(content)?);
+                let mut element = PathElement::try_from(element).map_err(content)?;
+                element.source.call = call;
+                path.elements.push(element);
             }
-            for event in &chunk.events {
-                path.events.push(PathEvent::try_from(event).map_err(content)?);
+            let rows = row_of_each("event_calls", of_events, chunk.events.len(), &path.calls);
+            for (event, call) in chunk.events.iter().zip(rows.map_err(content)?) {
+                let mut event = PathEvent::try_from(event).map_err(content)?;
+                event.source.call = call;
+                path.events.push(event);
             }
         }
         check_count("elements", path.elements.len(), manifest.element_count)?;
         check_count("events", path.events.len(), manifest.event_count)?;
+        check_count("calls", path.calls.rows().len(), manifest.call_count)?;
         let mut least = 0;
         for event in &path.events {
             if event.at_element < least || event.at_element > path.elements.len() {

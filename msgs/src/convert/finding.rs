@@ -1,6 +1,8 @@
 //! Findings.
 
-use super::{WireError, block_to_wire, constant, key_of, number, position, source, value_of};
+use super::{
+    WireError, block_to_wire, chain_to_wire, constant, key_of, number, position, source, value_of,
+};
 use crate::finding::{Code, Finding, Severity};
 use crate::units::{m_from_mm, mm_from_m, point_from_position};
 use crate::wire::cnc_msgs::msg as wire;
@@ -29,6 +31,8 @@ impl From<&Finding> for wire::Finding {
             available: metres(finding.available_mm),
             message: finding.message.clone(),
             help: finding.help.clone(),
+            calls: chain_to_wire(&finding.calls),
+            other_calls: chain_to_wire(&finding.other_calls),
         }
     }
 }
@@ -68,6 +72,8 @@ impl TryFrom<&wire::Finding> for Finding {
             available_mm: millimetres("available", &finding.available)?,
             message: finding.message.clone(),
             help: finding.help.clone(),
+            calls: finding.calls.iter().map(Into::into).collect(),
+            other_calls: finding.other_calls.iter().map(Into::into).collect(),
         })
     }
 }

@@ -2,11 +2,14 @@
 
 use super::{WireError, number, position};
 use crate::contour::{Action, CoolantMode, SpindleMode};
+use crate::further::{FURTHER_LETTERS, FurtherAxes, FurtherMode, FurtherMove};
 use crate::geometry::AxisSet;
 use crate::text::{Text, Words};
 use crate::units::{
-    m_from_mm, m_per_s_from_mm_per_min, mm_from_m, mm_per_min_from_m_per_s, point_from_position,
-    rad_per_s_from_rpm, received_mm, received_mm_per_min, received_rpm, rpm_from_rad_per_s,
+    degrees_from_rad, degrees_per_min_from_rad_per_s, m_from_mm, m_per_s_from_mm_per_min,
+    mm_from_m, mm_per_min_from_m_per_s, point_from_position, rad_from_degrees,
+    rad_per_s_from_degrees_per_min, rad_per_s_from_rpm, received_degrees_per_min, received_mm,
+    received_mm_per_min, received_rpm, rpm_from_rad_per_s,
 };
 use crate::wire::cnc_msgs::msg as wire;
 
@@ -75,6 +78,21 @@ impl From<&Action> for wire::MachineFunction {
                 out.axes = axes.bits();
                 Self::HOME
             }
+            Action::Further(FurtherMove { axes, mode }) => {
+                out.further_axes = axes.bits();
+                out.further_target = further_to_wire(axes);
+                match mode {
+                    FurtherMode::Along => Self::FURTHER_ALONG,
+                    FurtherMode::Rapid => Self::FURTHER_RAPID,
+                    FurtherMode::Feed(feed) => {
+                        out.value = match axes.only_turns() {
+                            true => rad_per_s_from_degrees_per_min(feed),
+                            false => m_per_s_from_mm_per_min(feed),
+                        };
+                        Self::FURTHER_FEED
+                    }
+                }
+            }
             Action::ExactStop => Self::EXACT_STOP,
             Action::Message { text } => {
                 out.text = text.to_string();
@@ -104,6 +122,16 @@ impl Action {
             Self::SetWorkOffset { system, axes, origin, by_position } => {
                 Self::SetWorkOffset { system, axes, origin: origin.map(received_mm), by_position }
             }
+            Self::Further(FurtherMove { axes, mode }) => {
+                let mode = match mode {
+                    FurtherMode::Feed(feed) if axes.only_turns() => {
+                        FurtherMode::Feed(received_degrees_per_min(feed))
+                    }
+                    FurtherMode::Feed(feed) => FurtherMode::Feed(received_mm_per_min(feed)),
+                    other => other,
+                };
+                Self::Further(FurtherMove { axes: axes.received(), mode })
+            }
             other => other,
         }
     }
@@ -131,6 +159,12 @@ impl TryFrom<&wire::MachineFunction> for Action {
         let set_work_offset = |by_position| -> Result<Self, WireError> {
             let origin = position("target", &function.target)?;
             Ok(Self::SetWorkOffset { system: system()?, axes, origin, by_position })
+        };
+        let further =
+            further_from_wire("further_target", function.further_axes, &function.further_target)?;
+        let further_move = |mode| match further.is_empty() {
+            true => Err(WireError::Missing { field: "further_target" }),
+            false => Ok(Self::Further(FurtherMove { axes: further, mode })),
         };
         Ok(match function.kind {
             W::SPINDLE_SPEED => Self::SpindleSpeed { rpm: rpm_from_rad_per_s(value) },
@@ -166,6 +200,15 @@ impl TryFrom<&wire::MachineFunction> for Action {
             W::MACHINE_RAPID => machine_move(true)?,
             W::MACHINE_FEED => machine_move(false)?,
             W::HOME => Self::Home { axes },
+            W::FURTHER_ALONG => further_move(FurtherMode::Along)?,
+            W::FURTHER_RAPID => further_move(FurtherMode::Rapid)?,
+            W::FURTHER_FEED if value > 0.0 => {
+                further_move(FurtherMode::Feed(match further.only_turns() {
+                    true => degrees_per_min_from_rad_per_s(value),
+                    false => mm_per_min_from_m_per_s(value),
+                }))?
+            }
+            W::FURTHER_FEED => return Err(WireError::Number { field: "value", value }),
             W::EXACT_STOP => Self::ExactStop,
             W::MESSAGE => match Text::new(&function.text) {
                 Some(text) => Self::Message { text },
@@ -178,6 +221,39 @@ impl TryFrom<&wire::MachineFunction> for Action {
             value => return Err(WireError::Constant { field: "kind", value: value.into() }),
         })
     }
+}
+
+/// The values of the axes that are named, in the order of their bits, rad and m.
+pub fn further_to_wire(axes: FurtherAxes) -> Vec<f64> {
+    let values = axes.iter().map(|(axis, value)| match FurtherAxes::is_rotary(axis) {
+        true => rad_from_degrees(value),
+        false => m_from_mm(value),
+    });
+    values.collect()
+}
+
+/// The same, read: as many values as axes are named, each of them finite and in range.
+pub fn further_from_wire(
+    field: &'static str,
+    named: u8,
+    values: &[f64],
+) -> Result<FurtherAxes, WireError> {
+    if usize::try_from(named.count_ones()) != Ok(values.len())
+        || named >> FURTHER_LETTERS.len() != 0
+    {
+        return Err(WireError::Constant { field: "further_axes", value: named.into() });
+    }
+    let mut rest = values.iter();
+    let mut axes = FurtherAxes::NONE;
+    for axis in (0..FURTHER_LETTERS.len()).filter(|axis| named >> axis & 1 == 1) {
+        let Some(value) = rest.next() else { break };
+        let value = match FurtherAxes::is_rotary(axis) {
+            true => degrees_from_rad(*value),
+            false => mm_from_m(*value),
+        };
+        axes = axes.with(axis, number(field, value)?);
+    }
+    Ok(axes)
 }
 
 /// The letter of an auxiliary word, and the words that belong to it: `M`, `M P1 L3`.

@@ -1,5 +1,6 @@
 //! The state of the machine.
 
+use super::function::further_to_wire;
 use crate::contour::{CutterSide, SpindleMode};
 use crate::machine::{LinkWatch, MachineState, Mode};
 use crate::units::{m_per_s_from_mm_per_min, point_from_position, rad_per_s_from_rpm};
@@ -70,6 +71,7 @@ pub fn link_watch_from_wire(watch: u8) -> LinkWatch {
 
 /// The state as a message; the header has the time of its report and its frame.
 pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::MachineState {
+    let further = state.further();
     let [feed, rapid, spindle] = state.overrides_percent.map(|percent| f64::from(percent) / 100.0);
     wire::MachineState {
         header,
@@ -106,5 +108,8 @@ pub fn machine_state_to_wire(header: Header, state: &MachineState) -> wire::Mach
         rapid_override: rapid,
         spindle_override: spindle,
         pins: state.pins.clone(),
+        further_axes: further.machine.or(further.work).bits(),
+        further_machine_position: further_to_wire(further.machine),
+        further_work_position: further_to_wire(further.work),
     }
 }

@@ -4,8 +4,9 @@
 //! still in force. The planner decides whether a control begins there; the driver decides
 //! what to send.
 
+use super::runs::{self, Place, RunOfLine};
 use super::{CompensatedPath, PathEvent, Role};
-use crate::contour::{Action, CoolantMode, SpindleMode};
+use crate::contour::{Action, CoolantMode, Source, SpindleMode};
 use serde::{Deserialize, Serialize};
 
 /// The place in a path at which a run begins.
@@ -15,14 +16,39 @@ pub struct Entry {
     pub element: usize,
     /// The first event that happens; of the earlier ones only words stay in force.
     pub event: usize,
+    /// In a program with calls or loops.
+    pub run: Option<RunOfLine>,
 }
 
-/// No element is at or after the line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the program has no motion from line {line} on; its last is in line {last}")]
-pub struct PastEnd {
-    pub line: u32,
-    pub last: u32,
+/// Why a run cannot enter a path at a line.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum NoEntry {
+    /// No element is at or after the line.
+    #[error("the program has no motion from line {line} on; its last is in line {last}")]
+    PastEnd { line: u32, last: u32 },
+    #[error("line {line} is run {count} times: {times}")]
+    SeveralTimes { line: u32, count: usize, times: String },
+    #[error("line {line} is run {}, and the start asks for number {occurrence}", times(*count))]
+    TooFew { line: u32, count: usize, occurrence: u32 },
+    #[error("the start asks for time {occurrence} of a line, and names no line")]
+    NoLine { occurrence: u32 },
+}
+
+impl NoEntry {
+    /// What to do about it.
+    pub fn help(&self) -> String {
+        match self {
+            Self::PastEnd { last, .. } => format!("begin at line {last} or before"),
+            Self::SeveralTimes { count, .. } | Self::TooFew { count, .. } => {
+                format!("say which one, from 1 to {count}: --occurrence, or occurrence of the goal")
+            }
+            Self::NoLine { .. } => "say which line: --start-line, or start_line of the goal".into(),
+        }
+    }
+}
+
+fn times(count: usize) -> String {
+    if count == 1 { "once".into() } else { format!("{count} times") }
 }
 
 /// Whether a run may begin under cutter compensation, and how the tool gets there.
@@ -43,19 +69,101 @@ pub enum StartInSpan {
 
 impl CompensatedPath {
     /// Where a run that begins at a line enters the path: at the first element of that
-    /// line or of a later one, the corner that belongs to its block included.
+    /// line or of a later one, the corner that belongs to its block included. `occurrence` says
+    /// which time that a program with calls or loops runs the line, from 1; 0: the only one.
     ///
     /// # Errors
-    /// No element is of that line or of a later one.
-    pub fn entry(&self, line: u32) -> Result<Entry, PastEnd> {
+    /// No element is of that line or of a later one, or the line is not run so often, or several
+    /// times where none of them was asked for.
+    pub fn entry(&self, line: u32, occurrence: u32) -> Result<Entry, NoEntry> {
+        if line == 0 && occurrence > 1 {
+            return Err(NoEntry::NoLine { occurrence });
+        }
+        if !self.calls.is_empty() {
+            return self.entry_in_calls(line, occurrence);
+        }
+        if occurrence > 1 {
+            return Err(NoEntry::TooFew { line, count: 1, occurrence });
+        }
         let element = self.elements.iter().position(|element| element.source.line >= line);
-        let Some(element) = element else {
-            let last = self.elements.iter().map(|element| element.source.line).max();
-            return Err(PastEnd { line, last: last.unwrap_or(0) });
-        };
+        let Some(element) = element else { return Err(self.past_end(line)) };
         let is_left = |event: &PathEvent| event.at_element > element || event.source.line >= line;
         let event = self.events.iter().position(is_left).unwrap_or(self.events.len());
-        Ok(Entry { element, event })
+        Ok(Entry { element, event, run: None })
+    }
+
+    fn past_end(&self, line: u32) -> NoEntry {
+        let last = self.elements.iter().map(|element| element.source.line).max();
+        NoEntry::PastEnd { line, last: last.unwrap_or(0) }
+    }
+
+    fn entry_in_calls(&self, line: u32, occurrence: u32) -> Result<Entry, NoEntry> {
+        let Some((line, runs)) = runs::runs_from(line, self.in_order(), &self.calls) else {
+            return Err(self.past_end(line));
+        };
+        let count = runs.len();
+        let (run, Place { element, event }) = match (occurrence, runs.as_slice()) {
+            (0, [only]) => *only,
+            (0, _) => {
+                let times = runs::text(&runs, &self.calls);
+                return Err(NoEntry::SeveralTimes { line, count, times });
+            }
+            (number, runs) => {
+                let run = runs.get(number as usize - 1);
+                *run.ok_or(NoEntry::TooFew { line, count, occurrence })?
+            }
+        };
+        let (element, event) = (element as usize, event as usize);
+        match element < self.elements.len() {
+            true => Ok(Entry { element, event, run: Some(run) }),
+            false => Err(self.past_end(line)),
+        }
+    }
+
+    /// Which time the line of something in this path is run there, from 1, as [`Self::entry`] counts; 0: the
+    /// only one, or it is not in the path.
+    pub fn occurrence(&self, source: Source) -> u32 {
+        self.occurrence_where(source.line, |(run, _)| run.row() == source.call)
+    }
+
+    /// The last time that a line is run no later than where a run enters, or at all; 0: the only one,
+    /// or there is none.
+    pub fn last_occurrence(&self, line: u32, until: Option<&Entry>) -> u32 {
+        let until = until.map(|entry| (entry.element, entry.event));
+        self.occurrence_where(line, |(_, Place { element, event })| {
+            until.is_none_or(|until| (*element as usize, *event as usize) <= until)
+        })
+    }
+
+    fn occurrence_where(&self, line: u32, is_meant: impl Fn(&(RunOfLine, Place)) -> bool) -> u32 {
+        if self.calls.is_empty() {
+            return 0;
+        }
+        let runs = runs::runs_from(line, self.in_order(), &self.calls);
+        let runs = runs.map(|(_, runs)| runs).filter(|runs| runs.len() > 1).unwrap_or_default();
+        runs.iter().rposition(is_meant).map_or(0, |index| index as u32 + 1)
+    }
+
+    /// Events and elements in the order in which they happen.
+    fn in_order(&self) -> impl Iterator<Item = (Place, Source)> {
+        let mut here = Place { element: 0, event: 0 };
+        std::iter::from_fn(move || {
+            let place = here;
+            let (element, event) = (here.element as usize, here.event as usize);
+            let next = self.events.get(event).filter(|next| next.at_element <= element);
+            let source = match (next, self.elements.get(element)) {
+                (Some(next), _) => {
+                    here.event += 1;
+                    next.source
+                }
+                (None, Some(next)) => {
+                    here.element += 1;
+                    next.source
+                }
+                (None, None) => return None,
+            };
+            Some((place, source))
+        })
     }
 
     /// Whether an element begins at an offset: compensation is on before it.

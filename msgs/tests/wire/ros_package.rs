@@ -1,6 +1,7 @@
 //! The ROS 2 package files of this folder agree with the interfaces in it.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use rosidl::interface_file::InterfaceFile;
 use rosidl::name::InterfaceKind;
@@ -105,4 +106,32 @@ fn fields_name_types_in_the_two_parts_that_rosidl_takes() {
             );
         }
     }
+}
+
+/// Words that cannot be the name of a field in Python or C++.
+const KEYWORDS: &str = "and as assert async auto await bool break case catch char class const continue def default del \
+    delete do double elif else enum except explicit export extern false finally float for friend from global goto if \
+    import in inline int is lambda long mutable namespace new nonlocal not operator or pass private protected public \
+    raise register return short signed sizeof static struct switch template this throw true try typedef typename \
+    union unsigned using virtual void volatile while with yield";
+
+#[test]
+fn no_field_is_a_keyword_of_a_language_of_ros() {
+    let keywords: Vec<&str> = KEYWORDS.split_whitespace().collect();
+    let mut fields = 0;
+    for folder in ["msg", "srv", "action"] {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+        for entry in std::fs::read_dir(folder).expect("a folder") {
+            let file = entry.expect("an entry").path();
+            let text = std::fs::read_to_string(&file).expect("a definition");
+            let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
+            for field in
+                lines.filter(|it| !it.contains('=')).filter_map(|it| it.split_whitespace().nth(1))
+            {
+                fields += 1;
+                assert!(!keywords.contains(&field), "{}: {field}", file.display());
+            }
+        }
+    }
+    assert!(fields > 100, "{fields} fields");
 }

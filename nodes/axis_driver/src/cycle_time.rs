@@ -13,6 +13,7 @@ use crate::machine_limits::MachineLimits;
 use crate::machine_path::{Known, MachinePath, Step};
 use chords::Chords;
 use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove, further_distance};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
 use ring::{Block, Ring};
@@ -36,6 +37,8 @@ pub struct CycleTime {
     rpm: f64,
     spindle: SpindleMode,
     coolant: [bool; 2],
+    /// A, B, C, U, V and W in the work frame, as far as the path has said.
+    further_at: FurtherAxes,
     seconds: f64,
 }
 
@@ -65,6 +68,7 @@ impl CycleTime {
             rpm: 0.0,
             spindle: SpindleMode::Off,
             coolant: [false; 2],
+            further_at: FurtherAxes::NONE,
             seconds: 0.0,
         };
         while started.walk.next_element() < first_element && started.walk.next(path).is_some() {}
@@ -173,6 +177,17 @@ impl CycleTime {
     fn stop_for(&mut self, action: Action) {
         let seconds = match action {
             Action::Dwell { seconds } => seconds,
+            // How fast they speed up is not known here.
+            Action::Further(FurtherMove { axes, mode }) => {
+                let from = self.further_at;
+                self.further_at = axes.or(from);
+                let FurtherMode::Feed(rate) = mode else { return };
+                further_distance(from, axes) / rate * 60.0
+            }
+            Action::WorkOffset { .. } => {
+                self.further_at = FurtherAxes::NONE;
+                return;
+            }
             Action::SpindleSpeed { rpm } => {
                 let is_new = std::mem::replace(&mut self.rpm, rpm) != rpm;
                 if !is_new || self.limits.is_laser || self.spindle == SpindleMode::Off {

@@ -11,17 +11,21 @@ mod arc;
 mod arc_lines;
 mod config;
 mod firmware_arc;
+mod further;
 mod problem;
 mod restart;
 mod resume;
 pub(crate) mod words;
 
 use crate::link::LineKind;
+use crate::vectors::{minus, norm};
 use arc_lines::RestOfArc;
 use cnc_msgs::contour::{Source, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use firmware_arc::{DrawingFrame, last_place};
+use further::HeldFurther;
 use std::collections::VecDeque;
 use std::sync;
 use words::{to_grid, write_word};
@@ -96,6 +100,10 @@ struct Modal {
     /// The word of the tool length in force; empty when there is none.
     tool_length: String,
     tool_length_mm: f64,
+    /// F counts moves of a minute (G93).
+    is_inverse_time: bool,
+    /// Where A, B, C, U, V and W are in the work frame, as far as the path has said.
+    further_at: FurtherAxes,
     ended_at: Option<Source>,
 }
 
@@ -113,6 +121,10 @@ pub struct Encoder {
     start_axes: AxisSet,
     /// S that waits for the line of the next move.
     speed: Option<HeldSpeed>,
+    /// A, B, C, U, V and W that wait for the line of their block.
+    further: Option<HeldFurther>,
+    /// The further axes that the path never moves away from 0.
+    idle_axes: u8,
 }
 
 /// A spindle speed or laser power that is not sent yet.
@@ -135,6 +147,8 @@ impl Encoder {
     /// [`PREAMBLE`] first.
     pub fn new(path: sync::Arc<CompensatedPath>, config: EncoderConfig) -> Self {
         Self {
+            idle_axes: further::idle_axes(&path),
+            further: None,
             path,
             config,
             next_element: 0,
@@ -164,7 +178,7 @@ impl Encoder {
             && path.assumed_axes == self.path.assumed_axes
             && path.elements.get(..elements)? == &self.path.elements[..elements]
             && path.events.get(..events)? == &self.path.events[..events];
-        is_same.then(|| Self { path, ..self.clone() })
+        is_same.then(|| Self { idle_axes: further::idle_axes(&path), path, ..self.clone() })
     }
 
     /// The axes that must stand where the first element starts, in the middle of a path.
@@ -187,7 +201,9 @@ impl Encoder {
                 let source_place = self.path.elements[rest.element].source;
                 match self.encode_arc_part(rest) {
                     Ok(()) => continue,
-                    Err(problem) => return Some(Err(EncodeError { source_place, problem })),
+                    Err(problem) => {
+                        return Some(Err(EncodeError::new(&self.path, source_place, problem)));
+                    }
                 }
             }
             let event = self.path.events.get(self.next_event).copied();
@@ -202,13 +218,17 @@ impl Encoder {
                     self.next_element += 1;
                     (element.source, self.encode_element(index, &element))
                 }
+                (_, None) if self.further.is_some() => {
+                    let source = self.further.as_ref().map(|held| held.source).unwrap_or_default();
+                    (source, self.refuse_held_further())
+                }
                 (_, None) => match self.speed.as_ref().map(|speed| speed.source) {
                     Some(source) => (source, self.push_speed()),
                     None => return None,
                 },
             };
             if let Err(problem) = outcome {
-                return Some(Err(EncodeError { source_place: source, problem }));
+                return Some(Err(EncodeError::new(&self.path, source, problem)));
             }
         }
     }
@@ -222,8 +242,13 @@ impl Encoder {
                 self.refuse_coarse(axis, value)?;
             }
         }
+        let further = self.take_further(element.source)?;
         match element.shape {
-            Shape::Line => self.encode_line(index, element, start, element.end),
+            Shape::Line => self.encode_line(index, element, start, element.end, further),
+            Shape::Arc(_) if !further.is_empty() => {
+                let word = format!("arc that also moves{}", further.words());
+                Err(EncodeProblem::Unsupported { word })
+            }
             Shape::Arc(arc) => self.encode_arc(index, element, start, &arc),
         }
     }
@@ -234,16 +259,26 @@ impl Encoder {
         element: &PathElement,
         start: Position,
         end: Position,
+        further: FurtherAxes,
     ) -> Result<(), EncodeProblem> {
         let mut text = self.line_number(index);
         let is_rapid = element.feed_mm_per_min.is_none();
         let (axes, words) = axis_words(element.axes, start, end);
-        if axes.is_empty() {
+        if axes.is_empty() && further.is_empty() {
             return Ok(());
         }
         self.write_motion(&mut text, u8::from(!is_rapid));
         text += &words;
-        self.write_feed(&mut text, element.feed_mm_per_min)?;
+        match element.feed_mm_per_min {
+            Some(feed) if !further.is_empty() => {
+                self.write_further(&mut text, further);
+                self.write_inverse_time(&mut text, norm(minus(end, start)), feed)?;
+            }
+            feed => {
+                self.write_further(&mut text, further);
+                self.write_feed(&mut text, feed)?;
+            }
+        }
         self.modal.unknown = self.modal.unknown.without(axes);
         let kind = self.write_speed(&mut text);
         self.push_motion(text, kind, index, element)
@@ -268,6 +303,10 @@ impl Encoder {
     fn write_feed(&mut self, text: &mut String, feed: Option<f64>) -> Result<(), EncodeProblem> {
         let Some(value) = feed else { return Ok(()) };
         let feed = Some(self.checked_feed(value)?);
+        if std::mem::take(&mut self.modal.is_inverse_time) {
+            *text += "G94";
+            self.modal.feed = None;
+        }
         if self.modal.feed != feed {
             self.modal.feed = feed;
             write_word(text, 'F', to_grid(value));

@@ -12,6 +12,7 @@ mod travel;
 
 use crate::machine_limits::MachineLimits;
 use crate::machine_path::{Known, MachinePath, Step};
+use cnc_msgs::calls::Calls;
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::keep_out::KeepOut;
@@ -30,6 +31,8 @@ pub struct Envelope {
     functions: FunctionCheck,
     /// Elements before this one are not run.
     first_element: usize,
+    /// Of the path.
+    calls: Calls,
 }
 
 /// What was found.
@@ -71,6 +74,7 @@ impl Envelope {
             keep_out: KeepOutCheck::new(limits, workplace),
             functions: FunctionCheck::new(limits, workplace),
             first_element,
+            calls: path.calls.clone(),
         }
     }
 
@@ -108,6 +112,7 @@ impl Envelope {
         self.travel.report(&mut report);
         self.keep_out.report(&mut report);
         self.functions.report(&mut report);
+        self.calls.explain(&mut report.findings);
         report.findings.sort_by_key(|finding| (!finding.is_error(), finding.source.line));
         report
     }

@@ -215,6 +215,7 @@ mod tests {
             revision: 3,
             path: path.clone(),
             start_line: 12,
+            occurrence: 3,
             in_span: StartInSpan::FromAbove,
             check_only: true,
             tool_diameters_mm: [(1, 6.0)].into(),

@@ -54,14 +54,19 @@ pub enum LineKind {
 
 #[derive(Debug)]
 struct Sent<T> {
-    /// What was written for it, with its line end.
-    bytes: usize,
+    /// Without its line end.
+    text: Box<str>,
     kind: LineKind,
     /// `None`: a check.
     tag: Option<T>,
 }
 
 impl<T> Sent<T> {
+    /// What was written for it, with its line end.
+    fn bytes(&self) -> usize {
+        self.text.len() + 1
+    }
+
     fn is_check(&self) -> bool {
         self.tag.is_none()
     }
@@ -227,9 +232,9 @@ impl<T> Link<T> {
         assert!(is_plain, "not a line for a controller: {text:?}");
         self.lines.extend_from_slice(text.as_bytes());
         self.lines.push(b'\n');
-        let bytes = text.len() + 1;
-        self.in_flight_bytes += bytes;
-        self.in_flight.push_back(Sent { bytes, kind, tag });
+        let sent = Sent { text: text.into(), kind, tag };
+        self.in_flight_bytes += sent.bytes();
+        self.in_flight.push_back(sent);
         self.health.on_line_sent();
         self.buffer.on_line_sent();
     }
@@ -327,10 +332,12 @@ impl<T> Link<T> {
                 self.restart(now);
                 self.events.push_back(LinkEvent::Banner { firmware, text });
             }
-            Report::Status(status) => self.on_status(now, status),
+            Report::Status(status) => self.on_status(now, *status),
             Report::Message(message) => {
-                if matches!(message, Message::ParserState(_)) {
-                    self.check.on_words();
+                match &message {
+                    Message::ParserState(_) => self.check.on_words(),
+                    Message::Echo(read) => self.on_echo(read),
+                    _ => {}
                 }
                 self.events.push_back(LinkEvent::Message(message));
             }
@@ -352,10 +359,8 @@ impl<T> Link<T> {
 
     fn on_status(&mut self, now: Duration, status: StatusReport) {
         let oldest = self.in_flight.front();
-        let counted = Counted {
-            bytes: self.in_flight_bytes,
-            oldest_bytes: oldest.map_or(0, |sent| sent.bytes),
-        };
+        let counted =
+            Counted { bytes: self.in_flight_bytes, oldest_bytes: oldest.map_or(0, Sent::bytes) };
         let disagreement = self.buffer.on_status(&status, counted, self.receive_bytes);
         let kind = oldest.map(|sent| sent.kind);
         let is_quiet = self.answers <= FEW_ANSWERS || self.would_be_quiet(now);
@@ -389,11 +394,11 @@ impl<T> Link<T> {
         self.health.on_answer();
         self.answers = self.answers.saturating_add(1);
         match self.in_flight.pop_front() {
-            Some(Sent { bytes, tag, .. }) => {
-                self.in_flight_bytes -= bytes;
-                self.buffer.on_answer(bytes);
-                let fault = self.check.on_answer(tag.is_none(), error);
-                if let Some(tag) = tag {
+            Some(sent) => {
+                self.in_flight_bytes -= sent.bytes();
+                self.buffer.on_answer(sent.bytes());
+                let fault = self.check.on_answer(sent.is_check(), error);
+                if let Some(tag) = sent.tag {
                     self.events.push_back(LinkEvent::Answer { tag, error });
                 }
                 if let Some(fault) = fault.filter(|_| !self.is_forgiving) {
@@ -403,6 +408,15 @@ impl<T> Link<T> {
             // A line that was under way may still be answered before the banner.
             None if self.is_forgiving => {}
             None => self.events.push_back(LinkEvent::Fault(LinkFault::UnexpectedAnswer)),
+        }
+    }
+
+    /// The controller has read a line, and executes it next: of ours, the oldest without an answer.
+    fn on_echo(&mut self, read: &str) {
+        let Some(sent) = self.in_flight.front().filter(|_| !self.is_forgiving) else { return };
+        if !is_same_line(&sent.text, read) {
+            let fault = LinkFault::ReadOtherwise { sent: sent.text.to_string(), read: read.into() };
+            self.events.push_back(LinkEvent::Fault(fault));
         }
     }
 
@@ -440,6 +454,15 @@ impl<T> Link<T> {
     pub fn trust(&mut self) {
         self.is_forgiving = false;
     }
+}
+
+/// Whether a controller that drops blanks and writes capitals would read one as the other.
+fn is_same_line(sent: &str, read: &str) -> bool {
+    let words = |text: &'_ str| {
+        let characters = text.bytes().filter(|byte| !byte.is_ascii_whitespace());
+        characters.map(|byte| byte.to_ascii_uppercase()).collect::<Vec<_>>()
+    };
+    words(sent) == words(read)
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Of all messages in this file.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 /// The longest message, bytes: a chunk of a path takes 60 kB, a record of a single block more.
 pub const FRAME_BYTES_MAX: usize = 1 << 20;
 /// Bytes of the length before each message.
@@ -232,6 +232,7 @@ mod tests {
             message: "canceled".into(),
             last_line: 4,
             blamed_line: 0,
+            last_occurrence: 2,
         };
         let entry = |sequence, kind, data: &[u8]| Entry {
             sequence,

@@ -50,7 +50,7 @@ pub enum Report {
     /// The controller has (re)started.
     Banner { firmware: Firmware, text: String },
     /// `<Idle|MPos:0.000,0.000,0.000|FS:0,0>`
-    Status(StatusReport),
+    Status(Box<StatusReport>),
     /// `[MSG:Caution: Unlocked]` and all else in brackets.
     Message(Message),
     /// `$110=500.000`
@@ -79,7 +79,7 @@ pub fn parse(line: &[u8], units: ReportUnits) -> Report {
             Report::Message(Message::read(&text[1..text.len() - 1], units))
         }
         [b'<', .., b'>'] => StatusReport::read(&text[1..text.len() - 1], units)
-            .map_or(Report::Damaged(text), Report::Status),
+            .map_or(Report::Damaged(text), |report| Report::Status(Box::new(report))),
         // Everything else is plain ASCII.
         _ if !line.iter().all(|byte| (0x20..0x7f).contains(byte)) => Report::Damaged(text),
         _ => parse_text(text),

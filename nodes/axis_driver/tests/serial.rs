@@ -205,6 +205,7 @@ impl Shell {
             revision: 0,
             path: path.clone(),
             start_line: 0,
+            occurrence: 0,
             in_span: Default::default(),
             check_only: false,
             tool_diameters_mm: Default::default(),

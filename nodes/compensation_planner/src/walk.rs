@@ -26,6 +26,7 @@ use crate::span::{Item, ItemKind, Span};
 use crate::walk::compensate::{Exit, SpanReport};
 use crate::walk::plan::{Plan, Workers};
 use actions::Lengths;
+use cnc_msgs::calls::Calls;
 use cnc_msgs::contour::{
     Approach, ContourEventKind, CutterSide, OutsideCorner, ProgrammedContour, RadiusSource, Source,
 };
@@ -86,6 +87,8 @@ enum WalkState<'a> {
 }
 
 pub(crate) struct Walk<'a> {
+    /// Of the contour.
+    calls: Calls,
     profile: &'a Profile,
     tools: &'a ToolTable,
     out: Output<'a>,
@@ -117,6 +120,7 @@ impl<'a> Walk<'a> {
         goes_on: Option<&'a (dyn Fn() -> bool + Sync)>,
     ) -> Self {
         Self {
+            calls: contour.calls.clone(),
             profile,
             tools,
             out: Output::new(contour, profile, workers, goes_on),
@@ -178,6 +182,10 @@ impl<'a> Walk<'a> {
         let (path, spans) = self.out.finish(&mut self.report);
         self.report.findings.sort_by_key(|finding| finding.source.line);
         let is_refused = self.report.findings.iter().any(Finding::is_error);
+        self.calls.explain(&mut self.report.findings);
+        for region in &mut self.report.uncut {
+            region.calls = self.calls.chain(region.first.call);
+        }
         let mut plan = Plan {
             findings: self.report.findings,
             spans,
@@ -188,6 +196,7 @@ impl<'a> Walk<'a> {
             plan.refused = path.elements;
         } else {
             plan.path = path;
+            plan.path.calls = self.calls;
         }
         plan
     }
@@ -195,7 +204,9 @@ impl<'a> Walk<'a> {
     /// The same where only certificates are wanted.
     pub(crate) fn finish_certificates(mut self) -> Vec<Certificate> {
         self.end();
-        self.out.finish_certificates(&mut self.report)
+        let mut certificates = self.out.finish_certificates(&mut self.report);
+        certificates.iter_mut().for_each(|it| it.explain(&self.calls));
+        certificates
     }
 
     /// Ends a span that the program does not end.

@@ -24,7 +24,7 @@ fn starts(text: &str, profile: &Profile, line: u32) -> Result<Start, Box<NoStart
     let contour = contour(text, profile);
     let plan = plan_of(&contour, profile, &tool(5.0));
     assert!(plan.accepted(), "{:#?}", plan.findings);
-    start(&contour, profile, &plan.path, line)
+    start(&contour, profile, &plan.path, line, 0)
 }
 
 fn lenient(mut profile: Profile, strictness: Strictness) -> Profile {

@@ -127,6 +127,7 @@ fn with_driver(port: &Path, path: CompensatedPath) -> (usize, Sent) {
         revision: 1,
         path: Arc::new(path),
         start_line: 0,
+        occurrence: 0,
         in_span: Default::default(),
         check_only: false,
         tool_diameters_mm: Default::default(),

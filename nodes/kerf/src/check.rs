@@ -4,6 +4,7 @@ use crate::exit::{CommandResult, Failure, Status};
 use crate::plan::{Planned, plural, position};
 use crate::{files, json, plan_json};
 use clap::Args;
+use cnc_msgs::calls::chain_after;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
@@ -211,8 +212,9 @@ fn finding_text(finding: &Finding) -> String {
     let block = finding.source.block.map(|block| format!(" N{block}")).unwrap_or_default();
     let alarm = finding.alarm.as_ref().map(|alarm| format!(", alarm {alarm}")).unwrap_or_default();
     format!(
-        "line {}{block}{alarm}, {}: {}",
+        "line {}{block}{}{alarm}, {}: {}",
         finding.source.line,
+        chain_after(&finding.calls),
         finding.code.name(),
         finding.message
     )

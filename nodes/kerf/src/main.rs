@@ -11,10 +11,12 @@ mod check;
 mod controller;
 mod ctrl_c;
 mod demo;
+mod end_signals;
 mod exit;
 mod files;
 mod fleet;
 mod json;
+mod latched;
 mod load;
 mod local;
 mod manual;
@@ -28,6 +30,8 @@ mod plan;
 mod plan_json;
 mod plan_machine;
 mod replay_command;
+mod resume;
+mod router;
 mod stack;
 mod stack_replay;
 mod status;
@@ -56,6 +60,8 @@ enum Command {
     Up(up::UpArgs),
     /// Run one node
     Node(node::NodeArgs),
+    /// Run the router that nodes need under RMW_IMPLEMENTATION=rmw_zenoh_cpp
+    Router,
     /// Compensate a program; no ROS needed
     Plan(plan::PlanArgs),
     /// Compare how each control reads a program
@@ -147,6 +153,7 @@ fn run(command: Command, ros_args: &[String]) -> CommandResult {
         Command::Demo(args) => demo::run(&args, ros_args),
         Command::Up(args) => up::run(&args, ros_args),
         Command::Node(_) => unreachable!("nodes have an exit code of their own"),
+        Command::Router => router::run(),
         Command::Plan(args) => plan::run(&args),
         Command::Check(args) => check::run(&args),
         Command::Load(args) => load::load(&args, ros_args),

@@ -1,10 +1,10 @@
 //! `kerf node NAME`: one node in this process.
 
+use crate::end_signals::EndSignals;
 use crate::exit::{CommandResult, Failure, Status, conclude};
 use crate::stack::{Stack, leave_with_parent};
 use clap::Args;
 use std::process::ExitCode;
-use tokio::signal::unix::{SignalKind, signal};
 
 /// Runs a node with its arguments.
 type Entry = fn(Vec<String>) -> ExitCode;
@@ -75,15 +75,11 @@ fn watch(name: &'static str, args: &[String]) -> CommandResult {
         .build()
         .map_err(Failure::usage)?;
     executor.block_on(async {
-        let mut interrupt = signal(SignalKind::interrupt()).map_err(Failure::usage)?;
-        let mut terminate = signal(SignalKind::terminate()).map_err(Failure::usage)?;
-        let mut hangup = signal(SignalKind::hangup()).map_err(Failure::usage)?;
+        let mut end = EndSignals::listen()?;
         let mut stack = Stack::new().map_err(Failure::usage)?;
         stack.start(name, args).map_err(Failure::usage)?;
         tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
-            _ = hangup.recv() => {}
+            () = end.next() => {}
             trouble = stack.supervise() => return match trouble {
                 Some(trouble) => Err(Failure::new(Status::Usage, trouble)),
                 None => Ok(()),

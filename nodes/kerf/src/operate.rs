@@ -7,8 +7,9 @@ use crate::ctrl_c::CtrlC;
 use crate::exit::{CommandResult, Failure, Status};
 use crate::load::load_file;
 use crate::local;
+use crate::resume;
 use axis_driver::protocol::Wish;
-use clap::Args;
+use clap::{ArgGroup, Args};
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal, RunProgramResult};
@@ -28,6 +29,7 @@ const RUN_WITHIN: Duration = Duration::from_secs(7 * 24 * 3600);
 
 /// What `kerf run` takes.
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("place").args(["start_line", "resume"]).multiple(true))]
 pub(crate) struct RunArgs {
     /// Load this program first
     file: Option<PathBuf>,
@@ -55,7 +57,19 @@ pub(crate) struct RunArgs {
     check_only: bool,
     /// Start at this line of the program
     #[arg(long, value_name = "LINE", default_value_t = 0)]
-    start_line: u32,
+    pub(crate) start_line: u32,
+    /// Which time the program runs that line, from 1, where loops and calls run it several times
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, requires = "place")]
+    pub(crate) occurrence: u32,
+    /// Go on after a run that was broken off: show where and how, and begin when that is confirmed
+    #[arg(long, conflicts_with = "check_only")]
+    resume: bool,
+    /// Begin without asking
+    #[arg(long, requires = "resume")]
+    pub(crate) yes: bool,
+    /// Draw where the run begins, on a page for a browser
+    #[arg(long, value_name = "FILE", requires = "resume")]
+    pub(crate) html: Option<PathBuf>,
 }
 
 /// A service without arguments.
@@ -174,8 +188,15 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> CommandResult {
             }
             None => String::new(),
         };
-        let goal =
-            RunProgramGoal { program_id, start_line: args.start_line, check_only: args.check_only };
+        let goal = match args.resume {
+            true => unless_dds_fails(node, resume::confirmed(node, args)).await?,
+            false => RunProgramGoal {
+                program_id,
+                start_line: args.start_line,
+                check_only: args.check_only,
+                occurrence: args.occurrence,
+            },
+        };
         let result = run_goal(node, goal, &progress_bar()).await?;
         println!("{}", result.message);
         Ok(())

@@ -5,8 +5,10 @@
 
 mod layer;
 mod run;
+mod start;
 
 use crate::picture::view::{Point, View};
+use cnc_msgs::calls::{Call, Calls, chain_text};
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::AXIS_LETTERS;
 use cnc_msgs::path::CompensatedPath;
@@ -17,6 +19,7 @@ pub(crate) use run::{RunLog, of_recording};
 use serde::Serialize;
 use serde_json::Serializer;
 use serde_json::ser::Formatter;
+pub(crate) use start::StartInTheMiddle;
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -51,6 +54,8 @@ pub(crate) struct Sheet<'a> {
     pub(crate) program: Cow<'a, str>,
     /// From the bottom to the top.
     pub(crate) layers: Vec<Layer<'a>>,
+    /// Calls and loop passes, by their row from 1: name, line, pass, and the row around it.
+    pub(crate) calls: Vec<(Option<String>, u32, u32, u32)>,
     pub(crate) uncut: Vec<Outline>,
     pub(crate) pins: Vec<Pin>,
     /// Place and text.
@@ -76,6 +81,8 @@ pub(crate) enum PinKind {
     Warning,
     Alarm,
     Difference,
+    /// Where a run begins.
+    Start,
 }
 
 impl<'a> Sheet<'a> {
@@ -98,13 +105,18 @@ impl<'a> Sheet<'a> {
         self.pins.extend(findings.iter().map(|finding| Pin {
             kind: if finding.is_error() { PinKind::Error } else { PinKind::Warning },
             label: format!("{} line {}", finding.code.name(), finding.source.line),
-            text: match finding.help.as_str() {
-                "" => finding.message.clone(),
-                help => format!("{}\nhelp: {help}", finding.message),
-            },
+            text: pin_text(finding),
             line: finding.source.line,
             at: finding.position.map(|position| view.project(position)),
         }));
+    }
+
+    /// Takes the calls and passes that elements were run in.
+    pub(crate) fn call(&mut self, calls: &Calls) {
+        let row = |call: &Call| {
+            (call.name.as_deref().map(str::to_owned), call.line, call.pass, call.parent)
+        };
+        self.calls = calls.rows().iter().map(row).collect();
     }
 
     /// Adds the areas that stay uncut.
@@ -128,6 +140,24 @@ impl<'a> Sheet<'a> {
             at: Some(view.project(divergence.position)),
         });
     }
+}
+
+/// What is wrong, how the program came there, and what to do.
+fn pin_text(finding: &Finding) -> String {
+    let place = |line: u32| format!("line {line}");
+    let mut text = finding.message.clone();
+    if !finding.calls.is_empty() {
+        text += &format!("\n{}", chain_text(&finding.calls, place));
+    }
+    if let Some(other) = finding.other
+        && !finding.other_calls.is_empty()
+    {
+        text += &format!("\nline {}: {}", other.line, chain_text(&finding.other_calls, place));
+    }
+    if !finding.help.is_empty() {
+        text += &format!("\nhelp: {}", finding.help);
+    }
+    text
 }
 
 fn lines<S: serde::Serializer>(text: &str, serializer: S) -> Result<S::Ok, S::Error> {

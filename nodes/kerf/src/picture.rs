@@ -8,7 +8,7 @@ pub(crate) mod look;
 mod strokes;
 pub(crate) mod view;
 
-use cnc_msgs::contour::{CutterSide, ProgrammedContour};
+use cnc_msgs::contour::{Action, ContourEventKind, CutterSide, ProgrammedContour};
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use cnc_msgs::path::PathElement;
@@ -143,7 +143,7 @@ impl Frame {
         )?;
         writeln!(
             svg,
-            "<text x=\"{:.6}\" y=\"{:.6}\">{} — {}{} to the right, {} {}, mm</text>",
+            "<text x=\"{:.6}\" y=\"{:.6}\">{} — {}{} to the right, {} {}, mm{}</text>",
             self.min[0] + text,
             self.min[1] + 1.6 * text,
             escape(picture.title),
@@ -151,6 +151,7 @@ impl Frame {
             AXIS_LETTERS[first],
             AXIS_LETTERS[second],
             if view.is_mirrored { "down" } else { "up" },
+            further_note(picture.contour).map(|note| format!(" — {note}")).unwrap_or_default(),
         )?;
         self.legend(svg, legend)
     }
@@ -233,6 +234,18 @@ impl Frame {
             finding.source.line,
         )
     }
+}
+
+/// That the program moves axes which no picture shows, and where it begins to.
+pub(crate) fn further_note(contour: &ProgrammedContour) -> Option<String> {
+    let mut moved = contour.events.iter().filter_map(|event| match event.kind {
+        ContourEventKind::Action(Action::Further(it)) => Some((it.axes, event.source.line)),
+        _ => None,
+    });
+    let (first, line) = moved.next()?;
+    let letters = moved.fold(first, |all, (axes, _)| axes.or(all)).letters();
+    let letters: Vec<String> = letters.chars().map(String::from).collect();
+    Some(format!("also moves {} from line {line} on, which is not drawn", letters.join(", ")))
 }
 
 /// An entry of the legend.

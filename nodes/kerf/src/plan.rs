@@ -9,6 +9,7 @@ use crate::plan_machine::{Machine, MachineArgs, OnMachine};
 use crate::terminal::show_findings;
 use crate::{files, json, picture};
 use clap::Args;
+use cnc_msgs::calls::chain_after;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
@@ -38,7 +39,8 @@ pub(crate) struct PlanArgs {
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
-    /// Folder with the files of subroutines that the program calls: o<pocket> call reads pocket.ngc
+    /// Folder with the files of subroutines that the program calls: o<pocket> call reads pocket.ngc,
+    /// M98 P10 on MASSO 10.nc
     #[arg(long, value_name = "DIR")]
     subroutines: Vec<String>,
     /// Values that numbered parameters begin with, as LinuxCNC writes them: 5221 12.5
@@ -54,6 +56,9 @@ pub(crate) struct PlanArgs {
     /// Also show how `kerf run --start-line` would start at this line
     #[arg(long, value_name = "LINE", default_value_t = 0)]
     start_line: u32,
+    /// Which time the program runs that line, from 1, where loops and calls run it several times
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, requires = "start_line")]
+    occurrence: u32,
     #[command(flatten)]
     machine: MachineArgs,
     /// Print one JSON object
@@ -82,9 +87,8 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let mut profile = files::profile(&args.control)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
     let folders = Folders::new(args.subroutines.iter().cloned(), "--subroutines");
-    let text = with_subroutines(text, &profile, |name| {
-        folders.read(&format!("{name}.ngc"), PROGRAM_BYTES_MAX as u64).ok()
-    });
+    let text =
+        with_subroutines(text, &profile, |name| folders.read(name, PROGRAM_BYTES_MAX as u64).ok());
     let text = match &args.parameters {
         Some(path) => files::with_parameters(text, &profile, path)?,
         None => text,
@@ -98,7 +102,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
     let mut planned = Planned::new(&text, &profile, &tools, &options, planning);
     planned.keep_disagreement(&name, &text);
-    let start = planned.start_at(args.start_line, &profile);
+    let start = planned.start_at((args.start_line, args.occurrence), &profile);
     if let Some(machine) = &machine {
         planned.put_on(machine, &tools, start.as_ref());
     }
@@ -229,11 +233,11 @@ impl Planned {
     }
 
     /// How a run starts at a line; if it cannot, adds a finding.
-    fn start_at(&mut self, line: u32, profile: &Profile) -> Option<Start> {
-        if line <= 1 || !self.accepted() {
+    fn start_at(&mut self, (line, occurrence): (u32, u32), profile: &Profile) -> Option<Start> {
+        if line <= 1 && occurrence <= 1 || !self.accepted() {
             return None;
         }
-        let started = start(&self.loaded.contour, profile, self.path(), line);
+        let started = start(&self.loaded.contour, profile, self.path(), line, occurrence);
         let finding = match &started {
             Ok(start) => start.warning.clone(),
             Err(refused) => Some(refused.finding.clone()),
@@ -247,6 +251,7 @@ impl Planned {
         PlanReport {
             accepted: self.accepted(),
             audit: self.verdict.audit.as_ref(),
+            calls: self.loaded.contour.calls.rows(),
             certificates: &self.verdict.plan.certificates,
             control,
             elements: elements(if self.accepted() { &self.path().elements } else { &[] }),
@@ -296,6 +301,7 @@ impl Planned {
             Layer::programmed(&self.loaded.contour, view),
             Layer::compensated(layer, self.start(), elements, view),
         ];
+        sheet.call(&self.loaded.contour.calls);
         sheet.find(&self.findings, view);
         sheet.fill(&self.verdict.plan.uncut, view);
         Page { sheets: vec![sheet], runs: Vec::new() }
@@ -325,6 +331,9 @@ impl Planned {
         let fits = !self.findings.iter().any(|finding| {
             finding.is_error() || matches!(finding.code, Code::Unreachable | Code::Gouge)
         });
+        if let Some(note) = picture::further_note(&self.loaded.contour) {
+            summary += &format!("\n  {note}");
+        }
         if let Some(audit) = &self.verdict.audit {
             summary += &format!("\n  {}", audit_text(audit));
         }
@@ -366,9 +375,16 @@ fn certificate_text(certificate: &Certificate, fits: bool) -> String {
         .limited_by
         .iter()
         .take(LIMITS_SHOWN)
-        .map(|limit| match limit.source.block {
-            Some(block) => format!("N{block}"),
-            None => format!("line {}", limit.source.line),
+        .map(|limit| {
+            // The certificate itself names the calls that both share.
+            let calls = match limit.calls == certificate.calls {
+                true => String::new(),
+                false => chain_after(&limit.calls),
+            };
+            match limit.source.block {
+                Some(block) => format!("N{block}{calls}"),
+                None => format!("line {}{calls}", limit.source.line),
+            }
         })
         .collect();
     let more = certificate.limited_by.len().saturating_sub(LIMITS_SHOWN);
@@ -404,8 +420,9 @@ fn certificate_text(certificate: &Certificate, fits: bool) -> String {
         "good for any tool".into()
     };
     format!(
-        "{}, tool on the {side}, radius {:.3} mm: {good}",
+        "{}{}, tool on the {side}, radius {:.3} mm: {good}",
         lines(certificate.first_line, certificate.last_line),
+        chain_after(&certificate.calls),
         certificate.radius_mm
     )
 }
@@ -419,7 +436,8 @@ fn uncut_text(uncut: &[UncutRegion]) -> String {
     let mut text = format!("\n  {total:.3} mm2 stay uncut in {}", plural(uncut.len(), "place"));
     for region in largest.iter().take(SHOWN) {
         let lines = lines(region.first.line, region.last.line);
-        text += &format!("\n    {lines}: {:.3} mm2", region.area_mm2);
+        let calls = chain_after(&region.calls);
+        text += &format!("\n    {lines}{calls}: {:.3} mm2", region.area_mm2);
     }
     text
 }
@@ -443,6 +461,8 @@ mod tests {
         let certificate = |radius_mm, valid_to_mm| Certificate {
             first_line: 3,
             last_line: 12,
+            call: 0,
+            calls: Vec::new(),
             side: CutterSide::Left,
             radius_mm,
             valid_from_mm: 0.0,

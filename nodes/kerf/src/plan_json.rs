@@ -4,13 +4,16 @@
 //! may change. Lists are made item by item while they are written: see [`crate::json`].
 
 use crate::plan_machine::OnMachine;
-use cnc_msgs::contour::CutterSide;
+use cnc_msgs::calls::Call;
+use cnc_msgs::contour::{Action, CutterSide, Source};
 use cnc_msgs::finding::{Finding, Severity};
+use cnc_msgs::further::FURTHER_LETTERS;
 use cnc_msgs::geometry::{Arc, Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent, StartInSpan};
 use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, Start, UncutRegion};
 use path_audit::Audit;
 use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
 
 /// The content of the object.
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -19,6 +22,9 @@ pub(crate) struct PlanReport<'a> {
     /// `None`: there was no path to audit.
     #[serde(serialize_with = "audit", skip_serializing_if = "Option::is_none")]
     pub(crate) audit: Option<&'a Audit>,
+    /// The table that `call` of elements and events counts in, from 1; absent without calls.
+    #[serde(serialize_with = "calls", skip_serializing_if = "<[Call]>::is_empty")]
+    pub(crate) calls: &'a [Call],
     #[serde(serialize_with = "certificates")]
     pub(crate) certificates: &'a [Certificate],
     pub(crate) control: &'a str,
@@ -62,6 +68,8 @@ impl Serialize for Elements<'_> {
 struct ElementJson {
     block: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    call: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     center: Option<Position>,
     #[serde(skip_serializing_if = "Option::is_none")]
     clockwise: Option<bool>,
@@ -83,6 +91,7 @@ impl ElementJson {
         let arc = arc(&element.shape);
         Self {
             block: element.source.block,
+            call: row(element.source),
             center: arc.map(|arc| arc.center),
             clockwise: arc.map(|arc| arc.clockwise),
             end: element.end,
@@ -143,11 +152,39 @@ fn kind(shape: &Shape) -> &'static str {
     }
 }
 
+/// The row in `calls` of the plan.
+fn row(source: Source) -> Option<u32> {
+    (source.call > 0).then_some(source.call)
+}
+
+/// Calls and loop passes: the table of the plan, or the chain of one place.
+fn calls<S: Serializer>(calls: &[Call], serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct CallJson<'a> {
+        depth: u32,
+        line: u32,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        name: Option<&'a str>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        parent: Option<u32>,
+        pass: u32,
+    }
+    serializer.collect_seq(calls.iter().map(|call| CallJson {
+        depth: call.depth,
+        line: call.line,
+        name: call.name.as_deref(),
+        parent: (call.parent > 0).then_some(call.parent),
+        pass: call.pass,
+    }))
+}
+
 /// The areas that stay uncut, with their outlines.
 fn uncut<S: Serializer>(uncut: &[UncutRegion], serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
     struct UncutJson<'a> {
         area_mm2: f64,
+        #[serde(serialize_with = "calls", skip_serializing_if = "<[Call]>::is_empty")]
+        calls: &'a [Call],
         first_line: u32,
         last_line: u32,
         #[serde(serialize_with = "outline")]
@@ -155,6 +192,7 @@ fn uncut<S: Serializer>(uncut: &[UncutRegion], serializer: S) -> Result<S::Ok, S
     }
     serializer.collect_seq(uncut.iter().map(|region| UncutJson {
         area_mm2: region.area_mm2,
+        calls: &region.calls,
         first_line: region.first.line,
         last_line: region.last.line,
         outline: region,
@@ -172,14 +210,25 @@ fn events<S: Serializer>(events: &[PathEvent], serializer: S) -> Result<S::Ok, S
     #[derive(Serialize)]
     struct EventJson {
         at_element: usize,
+        #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+        axes: BTreeMap<char, f64>,
         block: Option<u32>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        call: Option<u32>,
         kind: &'static str,
         line: u32,
         text: String,
     }
     serializer.collect_seq(events.iter().map(|event| EventJson {
         at_element: event.at_element,
+        axes: match event.action {
+            Action::Further(further) => {
+                further.axes.iter().map(|(axis, at)| (FURTHER_LETTERS[axis], at)).collect()
+            }
+            _ => BTreeMap::new(),
+        },
         block: event.source.block,
+        call: row(event.source),
         kind: event.action.kind(),
         line: event.source.line,
         text: event.action.text(),
@@ -196,6 +245,8 @@ pub(crate) fn findings<S: Serializer>(
         alarm: Option<&'a str>,
         available_mm: Option<f64>,
         block: Option<u32>,
+        #[serde(serialize_with = "calls", skip_serializing_if = "<[Call]>::is_empty")]
+        calls: &'a [Call],
         code: &'static str,
         column: u16,
         depth_mm: Option<f64>,
@@ -205,6 +256,8 @@ pub(crate) fn findings<S: Serializer>(
         message: &'a str,
         needed_mm: Option<f64>,
         other_block: Option<u32>,
+        #[serde(serialize_with = "calls", skip_serializing_if = "<[Call]>::is_empty")]
+        other_calls: &'a [Call],
         other_line: Option<u32>,
         position: Option<Position>,
         severity: &'static str,
@@ -213,6 +266,7 @@ pub(crate) fn findings<S: Serializer>(
         alarm: finding.alarm.as_deref(),
         available_mm: finding.available_mm,
         block: finding.source.block,
+        calls: &finding.calls,
         code: finding.code.name(),
         column: finding.source.column,
         depth_mm: finding.depth_mm,
@@ -222,6 +276,7 @@ pub(crate) fn findings<S: Serializer>(
         message: &finding.message,
         needed_mm: finding.needed_mm,
         other_block: finding.other.and_then(|other| other.block),
+        other_calls: &finding.other_calls,
         other_line: finding.other.map(|other| other.line),
         position: finding.position,
         severity: match finding.severity {
@@ -261,6 +316,8 @@ fn certificates<S: Serializer>(
 ) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
     struct CertificateJson<'a> {
+        #[serde(serialize_with = "calls", skip_serializing_if = "<[Call]>::is_empty")]
+        calls: &'a [Call],
         first_line: u32,
         last_line: u32,
         leads_valid_to_mm: Option<f64>,
@@ -273,6 +330,7 @@ fn certificates<S: Serializer>(
     }
     let finite = |radius_mm: f64| radius_mm.is_finite().then_some(radius_mm);
     serializer.collect_seq(certificates.iter().map(|certificate| CertificateJson {
+        calls: &certificate.calls,
         first_line: certificate.first_line,
         last_line: certificate.last_line,
         leads_valid_to_mm: finite(certificate.leads_valid_to_mm),
@@ -289,13 +347,16 @@ fn certificates<S: Serializer>(
 
 fn limits<S: Serializer>(limits: &[CertificateLimit], serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct LimitJson {
+    struct LimitJson<'a> {
         block: Option<u32>,
+        #[serde(serialize_with = "calls", skip_serializing_if = "<[Call]>::is_empty")]
+        calls: &'a [Call],
         line: u32,
         position: Position,
     }
     serializer.collect_seq(limits.iter().map(|limit| LimitJson {
         block: limit.source.block,
+        calls: &limit.calls,
         line: limit.source.line,
         position: limit.position,
     }))

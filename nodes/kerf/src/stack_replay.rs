@@ -106,6 +106,7 @@ pub(crate) fn replay(
         profile,
         goal: RunProgramGoal {
             start_line: run.goal.start_line,
+            occurrence: run.goal.occurrence,
             check_only: run.goal.check_only,
             ..RunProgramGoal::default()
         },

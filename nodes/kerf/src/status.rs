@@ -1,10 +1,14 @@
 //! `kerf status`: the state of the machine, as the driver reports it.
 
 use crate::exit::{CommandResult, Failure, Status};
+use crate::latched::{LATCHED_WITHIN, newest, newest_there};
 use crate::local::over_ros_or_locally;
 use crate::plan_machine::duration;
 use axis_driver::protocol::Wish;
-use cnc_msgs::convert::{link_watch_from_wire, machine_state_to_wire, mode_from_wire};
+use cnc_msgs::convert::{
+    further_from_wire, link_watch_from_wire, machine_state_to_wire, mode_from_wire,
+};
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::machine::{LinkWatch, Mode};
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramFeedback};
@@ -15,12 +19,8 @@ use runtime::{Handle, Qos, Subscription};
 use std::time::Duration;
 use tokio::time::timeout;
 
-/// How long a latched message of a running node may take to arrive.
-const LATCHED_WITHIN: Duration = Duration::from_secs(5);
 /// The driver gives feedback several times within this time while a program runs.
 const FEEDBACK_WITHIN: Duration = Duration::from_millis(300);
-/// The driver publishes its state several times within this time.
-const STATE_SETTLES: Duration = Duration::from_millis(500);
 
 /// `kerf status`
 pub(crate) fn run(ros_args: &[String]) -> CommandResult {
@@ -30,7 +30,8 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
         let mut results: Subscription<RunResult> = node.subscription("run_result", Qos::LATCHED)?;
         // Whose keys do not let it read this sees the state all the same.
         let mut feedback = node.action_feedback::<RunProgram>("run_program").ok();
-        let (mut state, _) = timeout(LATCHED_WITHIN, states.next()).await.map_err(|_| {
+        let stamp = |state: &MachineState| (state.header.stamp.sec, state.header.stamp.nanosec);
+        let state = newest(&mut states, stamp).await.ok_or_else(|| {
             Failure::new(
                 Status::NoAnswer,
                 format!(
@@ -41,14 +42,6 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
                 ),
             )
         })?;
-        // The first message may be an old latched one.
-        let stamp = |state: &MachineState| (state.header.stamp.sec, state.header.stamp.nanosec);
-        let end = tokio::time::Instant::now() + STATE_SETTLES;
-        while let Ok((newer, _)) = tokio::time::timeout_at(end, states.next()).await {
-            if stamp(&newer) >= stamp(&state) {
-                state = newer;
-            }
-        }
         print!("{}", describe(&state));
         // The newest of those that came meanwhile.
         let mut progress = None;
@@ -63,11 +56,9 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
             print!("{}", describe_progress(&progress));
         }
         // Late joiners get the last result; before the first run there is none.
-        let mut ended = None;
-        while let Ok((result, _)) = timeout(Duration::ZERO, results.next()).await {
-            ended = Some(result);
-        }
-        if let Some(result) = ended {
+        if let Some(result) =
+            newest_there(&mut results, |it| (it.stamp.sec, it.stamp.nanosec)).await
+        {
             println!("  last run {}", run_result::of_message(&result));
         }
         if let Some(mismatch) = node.other_middleware() {
@@ -88,6 +79,16 @@ fn describe_progress(progress: &RunProgramFeedback) -> String {
     format!("  {:.0} % of the run done, {} left\n", 100.0 * progress.fraction, duration(seconds))
 }
 
+/// `, A90.000 degrees`: axes besides X, Y and Z.
+fn further_text(named: u8, values: &[f64]) -> String {
+    let axes = further_from_wire("further_position", named, values).unwrap_or_default();
+    let words = axes.iter().map(|(axis, at)| {
+        let unit = if FurtherAxes::is_rotary(axis) { "degrees" } else { "mm" };
+        format!(", {}{at:.3} {unit}", FURTHER_LETTERS[axis])
+    });
+    words.collect()
+}
+
 /// The state for people: millimetres, without unknown values.
 fn describe(state: &MachineState) -> String {
     let mode = mode_from_wire(state.state).name();
@@ -98,10 +99,13 @@ fn describe(state: &MachineState) -> String {
         reason => format!("{mode}: {reason}\n"),
     };
     if state.position_known {
-        for (frame, point) in [("machine", &state.machine_position), ("work", &state.work_position)]
-        {
+        for (frame, point, further) in [
+            ("machine", &state.machine_position, &state.further_machine_position),
+            ("work", &state.work_position, &state.further_work_position),
+        ] {
             let [x, y, z] = position_from_point(point);
-            text += &format!("  {frame:8} X{x:.3} Y{y:.3} Z{z:.3} mm\n");
+            let further = further_text(state.further_axes, further);
+            text += &format!("  {frame:8} X{x:.3} Y{y:.3} Z{z:.3} mm{further}\n");
         }
     } else {
         text += "  position not known\n";

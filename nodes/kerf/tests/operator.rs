@@ -159,3 +159,50 @@ fn m28_without_a_home_the_tool_has_to_stand_where_a_run_from_the_middle_begins()
     let status = machine.kerf(&["status"]).expect(0).out;
     assert!(status.contains("X-20.000 Y40.000 Z0.000"), "{status}");
 }
+
+#[test]
+fn a_run_that_was_broken_off_goes_on_where_that_is_confirmed() {
+    let (machine, _folder) = machine("tools:\n  1: {diameter_mm: 4.0}\n", &[]);
+    let resume = |arguments: &[&str]| machine.kerf(&[&["run", "--resume"], arguments].concat());
+    resume(&[]).expect(4).says(&["no program is loaded"]);
+    let program = "G21 G90 G94 T1\nG0 X0 Y0 Z0\nM3 S900 M8\nG1 Z-1 F1000\nG41 D1 G1 X10 Y10\n\
+                   G1 Y20\nG1 Y380 F200\nG40 G1 X0 Y390\nG0 Z0\nM30\n";
+    machine.folder.file("part.ngc", program);
+    machine.kerf(&["load", "part.ngc"]).expect(0);
+    resume(&[]).expect(4).says(&["the driver has run nothing", "--start-line LINE"]);
+
+    let running = machine.kerf_meanwhile(&["run"]);
+    machine::until("the long line", || {
+        machine.kerf(&["status"]).out.contains("line 7").then_some(())
+    });
+    // A machine that cuts is not begun with.
+    resume(&["--yes", "--start-line", "6"]).expect(4).says(&["the machine is in RUN: kerf abort"]);
+    machine.kerf(&["abort"]).expect(0);
+    running.join().expect("it only runs a command").expect(4);
+
+    let page = machine.folder.path().join("start.html");
+    resume(&["--html", "start.html"]).expect(4).says(&[
+        "part.ngc: the last run: canceled (313)",
+        "the run begins with line 7 at X8.000 Y20.000 Z-1.000, cutter left of the contour, F200, S900 M3 M8",
+        "nothing was sent",
+        "the tool has to stand there",
+        "there is no terminal to confirm on; --yes begins without asking",
+    ]);
+    let page = std::fs::read_to_string(page).expect("a page");
+    assert!(page.contains("begins with line 7") && page.contains("left out"), "it shows the start");
+    resume(&["--yes"]).expect(4).says(&["the path begins at X8.000 Y20.000 Z-1.000 but the tool"]);
+    machine.kerf(&["jog", "X8", "Y20", "Z-1", "--from", "work"]).expect(0);
+    resume(&["--yes"]).expect(0).says(&["done"]);
+    resume(&[]).expect(4).says(&["the last run was cut to its end"]);
+    resume(&["--start-line", "11"]).expect(4).says(&["begin at line 9 or before"]);
+
+    // This control does not begin under compensation: the nearest line is proposed.
+    let program = program.replace("T1", "T1 M6").replace(" D1", "");
+    machine.folder.file("masso.ngc", program);
+    machine.kerf(&["load", "masso.ngc", "--control", "masso"]).expect(0);
+    resume(&[]).expect(4).says(&["masso.ngc, which is loaded, is not the program of the last run"]);
+    resume(&["--start-line", "7"]).expect(4).says(&[
+        "it cannot begin with line 7, so it begins before",
+        "the run begins with line 4 at X0.000 Y0.000 Z0.000",
+    ]);
+}

@@ -4,7 +4,8 @@ use crate::blocks::program::NONE;
 use crate::blocks::tool_path::ToolPath;
 use crate::report::{self, Report};
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind};
-use cnc_msgs::path::{PathElement, PathEvent, Role};
+use cnc_msgs::further::{FurtherMode, FurtherMove};
+use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use cnc_msgs::profile::{LengthOfD, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
@@ -60,6 +61,9 @@ pub(crate) fn check(
         if found.at_element < element.max(last) || found.at_element > latest {
             report.push(report::misplaced(found, element));
         }
+        if !has_its_motion(tool_path.path, found, happened.clone().next()) {
+            report.push(report::without_motion(found));
+        }
         last = found.at_element;
     }
     if let Some(extra) = happened.next() {
@@ -68,6 +72,22 @@ pub(crate) fn check(
     check_stops(tool_path, &stops, report);
     if profile.radius.length_of_d == LengthOfD::WithZ {
         check_lengths(tool_path, report);
+    }
+}
+
+/// Whether axes that move along with a motion of their block have it: the next element, or the
+/// next action where that takes the words of axes.
+fn has_its_motion(path: &CompensatedPath, found: &PathEvent, next: Option<&PathEvent>) -> bool {
+    let Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) = found.action else {
+        return true;
+    };
+    match next.filter(|next| next.at_element == found.at_element) {
+        Some(next) => {
+            let takes =
+                matches!(next.action, Action::MachineMove { .. } | Action::SetWorkOffset { .. });
+            takes && next.source == found.source
+        }
+        None => path.elements.get(found.at_element).is_some_and(|it| it.source == found.source),
     }
 }
 
@@ -146,6 +166,16 @@ fn same_numbers(a: &Action, b: &Action) -> bool {
             (axes, rapid) == (other, as_rapid)
                 && near(*f, *g)
                 && p.iter().zip(q).all(|(a, b)| near(*a, *b))
+        }
+        (Action::Further(programmed), Action::Further(found)) => {
+            let is_at =
+                |axis: usize, at: f64| found.axes.get(axis).is_some_and(|other| near(at, other));
+            let rate = match (programmed.mode, found.mode) {
+                (FurtherMode::Feed(a), FurtherMode::Feed(b)) => near(a, b),
+                (a, b) => a == b,
+            };
+            rate && programmed.axes.bits() == found.axes.bits()
+                && programmed.axes.iter().all(|(axis, at)| is_at(axis, at))
         }
         _ => a == b,
     }

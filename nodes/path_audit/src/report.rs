@@ -212,13 +212,23 @@ pub(crate) fn other_event(source: Source, action: &Action, found: &PathEvent) ->
         block_name(source)
     );
     let mut finding = mismatch(source, message);
-    finding.other = Some(found.source).filter(|other| other.line != source.line);
+    finding.other = Some(found.source).filter(|other| !other.is_same_place(source));
     finding
 }
 
 pub(crate) fn misplaced(event: &PathEvent, due: usize) -> Finding {
     let message = format!(
         "{} of {} happens before element {} of the path; it should happen before element {due}",
+        event.action.text(),
+        block_name(event.source),
+        event.at_element
+    );
+    mismatch(event.source, message)
+}
+
+pub(crate) fn without_motion(event: &PathEvent) -> Finding {
+    let message = format!(
+        "{} of {} moves with no motion of its block before element {} of the path",
         event.action.text(),
         block_name(event.source),
         event.at_element
@@ -306,7 +316,7 @@ pub(crate) fn cut(cut: &Cut, profile: &Profile) -> Finding {
     let mut finding = Finding::error(cut.code, source, message)
         .help("use a smaller tool, or change the contour or its lead there");
     finding.alarm.clone_from(&profile.interference.alarm);
-    finding.other = [cut.into, cut.on].into_iter().find(|other| other.line != source.line);
+    finding.other = [cut.into, cut.on].into_iter().find(|other| !other.is_same_place(source));
     finding.position = Some(cut.at);
     finding.depth_mm = Some(depth_mm);
     finding.needed_mm = Some(cut.radius_mm);
@@ -369,7 +379,7 @@ pub(crate) fn left_out(
         Reaction::Alarm | Reaction::Ignore => contour_severity(legs + 1, profile),
     };
     finding.alarm.clone_from(&profile.interference.alarm);
-    finding.other = Some(other).filter(|other| other.line != source.line);
+    finding.other = Some(other).filter(|other| !other.is_same_place(source));
     finding.position = Some(at);
     finding.needed_mm = Some(profile.accept_tolerance_mm);
     finding.available_mm = Some(off_mm);

@@ -20,8 +20,46 @@ pub(crate) struct LexerRules {
     pub(crate) axis_names_after: Option<f64>,
     /// `#1=5`, `X[#1+2]`, O words and program numbers.
     pub(crate) parameters: bool,
+    /// `R1=5`, `X=R1`.
+    pub(crate) r_parameters: bool,
     /// `$PART.MIN%` begins the file, `OPART` names the program, `NLAP1` names a block.
     pub(crate) names: bool,
+    /// Programs that others call by their number, in a language without O words.
+    pub(crate) programs: Option<&'static Programs>,
+}
+
+/// How a language writes programs that others call by their number.
+#[derive(Debug)]
+pub(crate) struct Programs {
+    /// What may stand before the number where a program begins in the text: `O`, `%SPF`. Without any,
+    /// each program is a file.
+    pub(crate) begins: &'static [&'static str],
+    /// What is called, before its number, as messages show it.
+    pub(crate) letter: char,
+    /// A word that calls the program of its number, and the one that says how many times; without
+    /// them M98 calls, with P and L.
+    pub(crate) call: Option<(u8, u8)>,
+    /// The M word that returns.
+    pub(crate) end: &'static str,
+    /// The ending of the name of a file that has one program.
+    pub(crate) ending: &'static str,
+    /// Programs inside each other.
+    pub(crate) depth_max: usize,
+}
+
+impl Programs {
+    /// What is wrong with a call of a program that is not there, and what to do.
+    pub(crate) fn missing(&self, number: u32) -> (String, String) {
+        let Self { letter, end, ending, .. } = self;
+        let file = format!("{number}.{ending} into a folder of subroutines");
+        let help = match self.begins.last() {
+            Some(begins) => format!(
+                "write {begins}{number} ... {end} after the end of the main program, or put {file}"
+            ),
+            None => format!("put {file}"),
+        };
+        (format!("there is no program {letter}{number}"), help)
+    }
 }
 
 /// One word.

@@ -7,6 +7,7 @@ use cnc_msgs::contour::{
     Action, Approach, ContourEvent, ContourEventKind, CutterSide, Motion, MotionClass,
     OutsideCorner, ProgrammedContour, RadiusSource,
 };
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Position, Shape};
 use std::fmt::Write;
 
@@ -80,6 +81,16 @@ fn action_text(action: &Action) -> String {
         }
         Action::MachineMove { feed_mm_per_min, rapid: false, .. } => {
             format!("{} F{}", action.text(), number(*feed_mm_per_min))
+        }
+        Action::Further(FurtherMove { axes, mode }) => {
+            let way = match mode {
+                FurtherMode::Along => "along".to_owned(),
+                FurtherMode::Rapid => "rapid".to_owned(),
+                FurtherMode::Feed(feed) => format!("line F{}", number(*feed)),
+            };
+            let words =
+                axes.iter().map(|(axis, at)| format!(" {}{}", FURTHER_LETTERS[axis], number(at)));
+            format!("axes {way}{}", words.collect::<String>())
         }
         _ => action.text(),
     }

@@ -29,6 +29,8 @@ pub(crate) struct Dialect {
     pub(crate) plane: Plane,
     /// Letters, in addition to G, M and N, that have a meaning in some block.
     pub(crate) letters: Letters,
+    /// Axes besides X, Y and Z: A, B and C turn, U, V and W are straight.
+    pub(crate) further_axes: Letters,
     /// Axes of this language that the machine does not have.
     pub(crate) foreign_axes: Letters,
     /// Letters that are passed on to the machine with their number.

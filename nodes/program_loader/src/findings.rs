@@ -3,6 +3,7 @@
 //! Knows the limits, not the texts.
 
 use crate::limits::{BLOCK_DIAGNOSTICS_MAX, DIAGNOSTICS_MAX};
+use cnc_msgs::calls::Calls;
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding, Severity};
 use intake::text::one_line;
@@ -65,6 +66,11 @@ impl Findings {
         let mut later = self.list.split_off(from.min(self.list.len()));
         later.retain_mut(|finding| keep(finding));
         self.list.append(&mut later);
+    }
+
+    /// Gives each finding the calls and passes that led to it.
+    pub(crate) fn explain(&mut self, calls: &Calls) {
+        calls.explain(&mut self.list);
     }
 
     /// All findings in the order of the program, and a note on how many were left out.

@@ -4,21 +4,26 @@
 //! interpreter's. A program without O words never comes here.
 
 mod map;
+mod programs;
+mod running;
 mod scene;
 mod statement;
 
+use crate::block::Programs;
 use crate::findings::Findings;
 use crate::limits::FlowLimits;
 use crate::line::Line;
 use crate::parameters::ARGUMENTS;
+use cnc_msgs::calls::Calls;
 use cnc_msgs::finding::{Code, Finding};
 pub(crate) use map::{Cursor, FlowMap};
 use map::{line_at, shown};
+use running::{Call, Frame, Loop};
 pub(crate) use scene::World;
 use scene::{Scene, Stopped};
 use statement::Keyword;
-use std::collections::BTreeSet;
-use std::fmt::Write;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// What comes after a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,55 +42,45 @@ pub(crate) enum Next {
 pub(crate) struct Flow<'t> {
     text: &'t [u8],
     map: FlowMap,
+    /// How programs are called by their number, where that is no O word.
+    programs: Option<&'static Programs>,
     limits: FlowLimits,
     /// The main program, then each subroutine that is running.
     frames: Vec<Frame>,
     executed: u64,
+    executed_bytes: u64,
+    /// What is running now, and what has been.
+    calls: Calls,
+    /// By the statement that a subroutine begins with.
+    names: BTreeMap<usize, Arc<str>>,
     /// The program that M98 has jumped to.
     entering: Option<usize>,
     reported: BTreeSet<(u32, u16, Code, bool)>,
 }
 
-/// The main program or a subroutine.
-#[derive(Debug, Default)]
-struct Frame {
-    loops: Vec<Loop>,
-    /// Nothing for the main program.
-    call: Option<Call>,
-}
-
-#[derive(Debug)]
-struct Call {
-    /// The statement that the subroutine begins with.
-    entry: usize,
-    return_to: Cursor,
-    /// The line of the call.
-    line: u32,
-    /// Of a subroutine with arguments: `#1` to `#30` before it.
-    saved: Option<Box<[f64; ARGUMENTS]>>,
-    /// Calls after this one (M98 L), and which this one is.
-    repeats: u32,
-    pass: u32,
-}
-
-#[derive(Debug)]
-struct Loop {
-    /// The statement that the loop begins with.
-    entry: usize,
-    /// From 1.
-    pass: u64,
-    /// Of a `repeat`: passes after this one.
-    rest: u64,
-}
-
 impl<'t> Flow<'t> {
-    pub(crate) fn new(text: &'t [u8], map: FlowMap, limits: FlowLimits) -> Self {
+    pub(crate) fn new(
+        text: &'t [u8],
+        map: FlowMap,
+        programs: Option<&'static Programs>,
+        limits: FlowLimits,
+    ) -> Self {
+        let lines = memchr::memchr_iter(b'\n', text).count() as u64;
         Self {
             text,
             map,
-            limits,
+            programs,
+            limits: FlowLimits {
+                // A long program that ends has executed each of its lines.
+                blocks_max: limits.blocks_max.saturating_add(lines),
+                bytes_max: limits.bytes_max.saturating_add(text.len() as u64),
+                depth_max: programs.map_or(usize::MAX, |it| it.depth_max).min(limits.depth_max),
+            },
             frames: vec![Frame::default()],
             executed: 0,
+            executed_bytes: 0,
+            calls: Calls::default(),
+            names: BTreeMap::new(),
             entering: None,
             reported: BTreeSet::new(),
         }
@@ -105,56 +100,49 @@ impl<'t> Flow<'t> {
     /// makes many of one line.
     pub(crate) fn count(&mut self, line: Line<'_>, events: usize, findings: &mut Findings) -> bool {
         self.executed += 1;
-        if self.executed.max(events as u64) <= self.limits.blocks_max {
-            return true;
-        }
-        let message = format!("more than {} blocks have been executed", self.limits.blocks_max);
+        self.executed_bytes += line.text.len() as u64;
+        let FlowLimits { blocks_max, bytes_max, .. } = self.limits;
+        let message = match () {
+            () if self.executed.max(events as u64) > blocks_max => {
+                format!("more than {blocks_max} blocks have been executed")
+            }
+            () if self.executed_bytes > bytes_max => {
+                format!("more than {bytes_max} bytes of blocks have been executed")
+            }
+            () => return true,
+        };
         let finding = Finding::error(Code::Limit, line.source(None, 0, usize::MAX), message);
         findings
             .push(finding.help("does this loop ever end? split a program that is really so long"));
         false
     }
 
-    /// Says of findings from this index on where in the flow they are; drops repeated ones.
-    pub(crate) fn place(&mut self, findings: &mut Findings, from: usize) {
-        let trace = self.trace();
+    /// Drops findings from this index on that were reported in an earlier pass or call.
+    pub(crate) fn drop_repeated(&mut self, findings: &mut Findings, from: usize) {
         findings.revise(from, |finding| {
             let source = finding.source;
             // A warning does not hide an error at the same place.
             let place = (source.line, source.column, finding.code, finding.is_error());
-            if !self.reported.insert(place) {
-                return false;
-            }
-            finding.message += &trace;
-            true
+            self.reported.insert(place)
         });
     }
 
-    /// ` (in O<pocket>, called in line 40, pass 3 of the loop in line 12)`; empty in the main program
-    /// outside all loops.
-    fn trace(&self) -> String {
-        let mut parts = Vec::new();
-        for frame in self.frames.iter().rev() {
-            for running in frame.loops.iter().rev() {
-                let line = self.map.entries[running.entry].at.line;
-                parts.push(format!("pass {} of the loop in line {line}", running.pass));
-            }
-            if let Some(call) = &frame.call {
-                let name = shown(&self.map.entries[call.entry].name);
-                let mut part = format!("in O{name}, called in line {}", call.line);
-                if call.pass > 1 {
-                    let _ = write!(part, " for the {}. time", call.pass);
-                }
-                parts.push(part);
-            }
-        }
-        const SHOWN: usize = 6;
-        let more = parts.len().saturating_sub(SHOWN);
-        parts.truncate(SHOWN);
-        if more > 0 {
-            parts.push(format!("and {more} more"));
-        }
-        if parts.is_empty() { String::new() } else { format!(" ({})", parts.join(", ")) }
+    /// The row of the innermost call or pass that is running; 0 in the main program.
+    pub(crate) fn row(&self) -> u32 {
+        self.frames.last().map_or(0, Frame::row)
+    }
+
+    /// The calls and passes that lines were run in.
+    pub(crate) fn into_calls(self) -> Calls {
+        self.calls
+    }
+
+    /// Begins a call in this line. `letter` is how programs write what is called.
+    fn begin_call(&mut self, letter: char, entry: usize, line: u32) -> u32 {
+        let around = self.row();
+        let name = &self.map.entries[entry].name;
+        let name = self.names.entry(entry).or_insert_with(|| running::name(letter, name));
+        self.calls.push(around, Some(name.clone()), line, 1)
     }
 
     /// Executes the O word of a line, if it has one.
@@ -165,6 +153,9 @@ impl<'t> Flow<'t> {
         world: &mut World<'_, '_>,
     ) -> Next {
         let Some(index) = self.map.find(offset) else { return Next::Block };
+        if let Some(programs) = self.programs {
+            return self.at_number(index, programs, line, world);
+        }
         // All were read when the text was searched for them.
         let Some(Ok(statement)) = statement::read(line.text) else { return Next::Stop };
         match self.execute(index, &mut Scene { line, statement, world }) {
@@ -206,10 +197,10 @@ impl<'t> Flow<'t> {
                     }
                     return Ok(Next::Jump(self.map.entries[partner].next));
                 }
-                self.begin_pass(index);
+                self.next_pass(index);
             }
             Keyword::EndWhile => return Ok(Next::Jump(self.map.entries[partner].at)),
-            Keyword::Do => self.begin_pass(index),
+            Keyword::Do => self.next_pass(index),
             Keyword::DoWhile => {
                 let holds = scene.truth()?;
                 if holds {
@@ -222,15 +213,15 @@ impl<'t> Flow<'t> {
                 if passes < 1.0 {
                     return Ok(Next::Jump(self.map.entries[partner].next));
                 }
-                self.loops().push(Loop { entry: index, pass: 1, rest: passes as u64 - 1 });
+                self.begin_pass(index, passes as u64 - 1);
             }
             Keyword::EndRepeat => {
                 let begin = self.map.entries[partner].next;
-                if let Some(running) = self.loops().last_mut()
+                if let Some(running) = self.frames.last_mut().and_then(|it| it.loops.last_mut())
                     && running.rest > 0
                 {
                     running.rest -= 1;
-                    running.pass += 1;
+                    running.next_pass(&mut self.calls);
                     return Ok(Next::Jump(begin));
                 }
                 self.loops().pop();
@@ -277,13 +268,15 @@ impl<'t> Flow<'t> {
         }
         let mut at = self.map.entries[index].partner;
         loop {
-            self.executed += 1;
             let entry = &self.map.entries[at];
             let (next, partner, place) = (entry.next, entry.partner, entry.at);
             if entry.keyword != Keyword::ElseIf {
                 return Ok(Next::Jump(next));
             }
-            let line = line_at(self.text, place);
+            let line = Line { call: scene.line.call, ..line_at(self.text, place) };
+            if !self.count(line, 0, scene.world.findings) {
+                return Err(Stopped);
+            }
             let Some(Ok(statement)) = statement::read(line.text) else { return Err(Stopped) };
             let mut branch = Scene { line, statement, world: &mut *scene.world };
             if branch.truth()? {
@@ -323,72 +316,11 @@ impl<'t> Flow<'t> {
         let saved = Some(Box::new(world.parameters.enter(&arguments)));
         world.parameters.set_returned(None);
         let return_to = next_line(self.text, at);
-        let call = Call { entry, return_to, line: line.number, saved, repeats: 0, pass: 1 };
+        let line = line.number;
+        let row = self.begin_call('o', entry, line);
+        let call = Call { entry, return_to, line, row, saved, repeats: 0, pass: 1 };
         self.frames.push(Frame { loops: Vec::new(), call: Some(call) });
         Ok(Next::Jump(self.map.entries[entry].next))
-    }
-
-    /// M98: calls the program of this number, so many times. `at` is the place of the block.
-    pub(crate) fn call_program(
-        &mut self,
-        at: Cursor,
-        line: Line<'_>,
-        program: u32,
-        times: u32,
-        world: &mut World<'_, '_>,
-    ) -> Next {
-        let name = program.to_string();
-        let Some(&entry) = self.map.programs.get(name.as_str()) else {
-            let (message, help) = match self.map.subs.contains_key(name.as_str()) {
-                true => (
-                    format!("O{program} is a subroutine, not a program"),
-                    format!("call it with o{program} call"),
-                ),
-                false => (
-                    format!("there is no program O{program}"),
-                    format!("write O{program} ... M99 after the end of the main program"),
-                ),
-            };
-            let source = line.source(None, 0, usize::MAX);
-            world.findings.push(Finding::error(Code::Syntax, source, message).help(help));
-            return Next::Stop;
-        };
-        if times == 0 {
-            return Next::Line;
-        }
-        if self.enter(line, 0, usize::MAX, world.findings).is_err() {
-            return Next::Stop;
-        }
-        let return_to = next_line(self.text, at);
-        let repeats = times - 1;
-        let call = Call { entry, return_to, line: line.number, saved: None, repeats, pass: 1 };
-        self.frames.push(Frame { loops: Vec::new(), call: Some(call) });
-        self.entering = Some(entry);
-        Next::Jump(self.map.entries[entry].at)
-    }
-
-    /// What is running, if it is not the main program: `O100, called in line 5`.
-    pub(crate) fn running(&self) -> Option<String> {
-        let call = self.frames.last()?.call.as_ref()?;
-        let name = shown(&self.map.entries[call.entry].name);
-        Some(format!("O{name}, called in line {}", call.line))
-    }
-
-    /// M99: the end of a program that M98 called. `None` in the main program, which it would begin
-    /// again, and in a subroutine.
-    pub(crate) fn end_program(&mut self) -> Option<Next> {
-        let frame = self.frames.last_mut()?;
-        let call = frame.call.as_mut().filter(|call| call.saved.is_none())?;
-        frame.loops.clear();
-        if call.repeats > 0 {
-            call.repeats -= 1;
-            call.pass += 1;
-            self.entering = Some(call.entry);
-            return Some(Next::Jump(self.map.entries[call.entry].at));
-        }
-        let return_to = call.return_to;
-        self.frames.pop();
-        Some(Next::Jump(return_to))
     }
 
     /// Checks that there may be one subroutine more.
@@ -435,11 +367,18 @@ impl<'t> Flow<'t> {
     }
 
     /// Begins the first or the next pass of a loop.
-    fn begin_pass(&mut self, entry: usize) {
-        match self.loops().last_mut().filter(|running| running.entry == entry) {
-            Some(running) => running.pass += 1,
-            None => self.loops().push(Loop { entry, pass: 1, rest: 0 }),
+    fn next_pass(&mut self, entry: usize) {
+        let running = self.frames.last_mut().and_then(|frame| frame.loops.last_mut());
+        match running.filter(|running| running.entry == entry) {
+            Some(running) => running.next_pass(&mut self.calls),
+            None => self.begin_pass(entry, 0),
         }
+    }
+
+    /// Begins the first pass of a loop.
+    fn begin_pass(&mut self, entry: usize, rest: u64) {
+        let row = self.calls.push(self.row(), None, self.map.entries[entry].at.line, 1);
+        self.loops().push(Loop { entry, pass: 1, row, rest });
     }
 
     /// Leaves the loops inside this one.

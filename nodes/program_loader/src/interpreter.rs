@@ -11,6 +11,7 @@ mod axes;
 mod compensation;
 mod cycles;
 mod feeds;
+mod further;
 mod home;
 mod machine_words;
 mod moves;
@@ -34,6 +35,7 @@ use crate::limits::{MM_PER_INCH, NUMBER_MAX};
 use crate::line::Line;
 use crate::rules::Rules;
 use axes::Axes;
+use cnc_msgs::calls::Calls;
 use cnc_msgs::contour::{
     Action, ContourEvent, ContourEventKind, ProgrammedContour, Source, SpindleMode,
 };
@@ -44,6 +46,7 @@ use cnc_msgs::units::received_mm;
 use compensation::Compensation;
 pub(crate) use cycles::Cycle;
 use cycles::CycleWords;
+use further::Further;
 use machine_words::Overrides;
 pub(crate) use offsets::OffsetWord;
 use polar::Polar;
@@ -120,6 +123,7 @@ pub(crate) struct Interpreter<'r> {
     rules: &'r Rules<'r>,
     modal: Modal,
     axes: Axes,
+    further: Further,
     request: Request,
     /// Letters that the current block has used, and letters that it has used twice.
     used: Letters,
@@ -156,6 +160,7 @@ impl<'r> Interpreter<'r> {
             start,
             assumed_axes: AxisSet::NONE,
             events: Vec::with_capacity(events),
+            calls: Calls::default(),
         };
         if rules.dialect.plane != Plane::Xy {
             // Readers of the events assume XY until a plane event.
@@ -194,6 +199,7 @@ impl<'r> Interpreter<'r> {
                 compensation: Compensation::default(),
             },
             axes: Axes::new(start),
+            further: Further::default(),
             request: Request::default(),
             used: Letters::NONE,
             shared: Letters::NONE,
@@ -245,6 +251,7 @@ impl<'r> Interpreter<'r> {
         self.source = scene.source();
         self.used = Letters::NONE;
         self.shared = Letters::NONE;
+        self.called = None;
         self.request.read(&mut scene);
         if self.request.polar != [None; 2] {
             self.check_polar_words(&mut scene);
@@ -259,9 +266,13 @@ impl<'r> Interpreter<'r> {
         self.unused_words(&mut scene);
         if block.is_cut {
             self.axes.poison(AxisSet::ALL);
+            self.further.poison_known();
         }
         match self.request.m_at(0) {
-            None => After::Block,
+            None if self.request.present.intersection(self.rules.call_letters).is_empty() => {
+                After::Block
+            }
+            None => self.called_program(),
             Some(_) => self.functions_after_motion(),
         }
     }
@@ -331,6 +342,7 @@ impl<'r> Interpreter<'r> {
     /// A line could not be read: all state that it may have changed is unknown.
     pub(crate) fn lose_line(&mut self) {
         self.axes.poison(AxisSet::ALL);
+        self.further.poison_known();
         self.modal.feed_is_poisoned = true;
         self.modal.mode_is_poisoned = true;
     }

@@ -6,6 +6,7 @@
 
 pub(crate) mod call;
 mod computed;
+mod r_words;
 pub(crate) mod remark;
 
 use crate::block::{Block, LexerRules, Word};
@@ -94,6 +95,12 @@ impl Lexer<'_> {
             }
             return self.o_word(digits);
         }
+        if letter == b'R'
+            && self.rules.r_parameters
+            && let Some(equals) = self.r_equals(digits)
+        {
+            return self.r_assignment(start, digits, equals);
+        }
         if let Some((value, end)) = number::read_simple(text, digits) {
             self.at = end;
             return self.add(letter, value, start);
@@ -106,6 +113,9 @@ impl Lexer<'_> {
         let text = self.line.text;
         if self.rules.parameters && letter != b'N' && computed::is_computed(text, digits) {
             return self.computed_word(letter, start, digits);
+        }
+        if self.is_r_value(letter, digits) {
+            return self.r_word(letter, start, digits);
         }
         match number::read(text, digits, self.rules.blanks_in_numbers) {
             Ok(number) => {
@@ -315,6 +325,7 @@ impl Lexer<'_> {
             b'#' | b'[' | b'=' | b'"' | b'<' if !self.rules.parameters => {
                 self.expression(b' ', start);
             }
+            b'$' if self.rules.calls => self.variable(),
             b'$' => self.rest(
                 Code::Unsupported,
                 "controller settings and commands are not part of a program",

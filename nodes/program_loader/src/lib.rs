@@ -43,6 +43,7 @@ pub mod upload;
 
 pub use bounds::Bounds;
 
+use cnc_msgs::calls::Calls;
 use cnc_msgs::contour::{Action, ContourEventKind, ProgrammedContour, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
@@ -89,6 +90,25 @@ impl Loaded {
         !self.findings.iter().any(Finding::is_error)
     }
 
+    /// Takes the table of calls without the rows that nothing in the contour was run in.
+    fn take_calls(&mut self, mut calls: Calls) {
+        if calls.is_empty() {
+            return;
+        }
+        let of_events = self.contour.events.iter_mut().map(|event| &mut event.source);
+        let mut places: Vec<&mut Source> =
+            of_events.chain(self.named_tools.iter_mut().map(|(_, source)| source)).collect();
+        let numbers = calls.keep(places.iter().map(|source| source.call));
+        for finding in &mut self.findings {
+            places.push(&mut finding.source);
+            places.extend(&mut finding.other);
+        }
+        for source in places {
+            source.call = numbers[source.call as usize];
+        }
+        self.contour.calls = calls;
+    }
+
     /// Rejects a program that selects any tool other than these. An empty list allows all; T0,
     /// no tool in the spindle, is always allowed.
     pub fn allow_tools(&mut self, expected: &[u32]) {
@@ -122,6 +142,7 @@ impl Loaded {
                 "load the program that belongs to this job, or add the tool to expected_tools",
             )
         }));
+        self.contour.calls.explain(&mut self.findings);
         // Findings without a place stay at the end.
         let place = |found: &Finding| (found.source.line.wrapping_sub(1), found.source.column);
         self.findings.sort_by_key(place);
@@ -130,6 +151,7 @@ impl Loaded {
             self.findings.push(Finding::error(Code::Limit, Source::default(), message));
         }
         self.contour.events = Vec::new();
+        self.contour.calls = Calls::default();
         self.bounds = None;
     }
 }
@@ -172,9 +194,11 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         findings.push(refusal);
         return refused(findings);
     }
-    let flow = match rules.dialect.lexer.parameters && !options.is_single_block {
-        true => FlowMap::of(text, options.block_delete, &mut findings),
-        false => FlowMap::default(),
+    let flow = match (rules.dialect.lexer.programs, rules.dialect.lexer.parameters) {
+        _ if options.is_single_block => FlowMap::default(),
+        (Some(programs), _) => FlowMap::of_programs(text, programs, &mut findings),
+        (None, true) => FlowMap::of(text, options.block_delete, &mut findings),
+        (None, false) => FlowMap::default(),
     };
     if findings.has_error() {
         return refused(findings);
@@ -187,12 +211,16 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     interpreter.store(&stored, &mut findings);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
     reader.store(&stored);
-    let (interpreter, findings) = reader.read();
+    let (interpreter, mut findings, calls) = reader.read();
+    findings.explain(&calls);
     if findings.has_error() {
         return refused(findings);
     }
     let (contour, bounds, named_tools) = interpreter.finish();
-    Loaded { contour, findings: findings.finish(), line_count, bounds, named_tools }
+    let mut loaded =
+        Loaded { contour, findings: findings.finish(), line_count, bounds, named_tools };
+    loaded.take_calls(calls);
+    loaded
 }
 
 /// Checks for which a program is rejected before its lines are read.

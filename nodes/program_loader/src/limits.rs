@@ -26,6 +26,8 @@ pub const DWELL_SECONDS_MAX: f64 = 86_400.0;
 pub const DWELL_SECONDS_SUSPICIOUS: f64 = 100.0;
 /// N, T, D and H numbers: eight digits, as the longest T words have.
 pub const NUMBER_MAX: f64 = 99_999_999.0;
+/// Digits of such a number.
+pub(crate) const NUMBER_DIGITS: usize = 8;
 /// Turns of one arc block.
 pub const ARC_TURNS_MAX: f64 = 9_999.0;
 
@@ -60,21 +62,26 @@ pub const CODE_FUZZ: f64 = 1e-6;
 
 /// The line between a program and what is appended to it. It is the end of the program.
 pub(crate) const APPENDED: &str = "% (what follows is appended by Kerf)";
+/// Bytes of a name of a subroutine in the calls that led to a line.
+pub(crate) const CALL_NAME_BYTES_MAX: usize = 40;
 /// Files with subroutines that a program may call.
 pub const LIBRARY_FILES_MAX: usize = 500;
 
 /// Limits of programs with subroutines and loops.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FlowLimits {
-    /// Lines that are executed: a loop without an end stops here. At about a hundred bytes of
+    /// Lines that are executed, above those of the text: a loop without an end stops here. At about a hundred bytes of
     /// memory for a line that moves, and some 10 million lines a second.
     pub blocks_max: u64,
+    /// Bytes of the lines that are executed, above those of the text: long lines with expressions take
+    /// their time by the byte.
+    pub bytes_max: u64,
     /// Subroutines inside each other.
     pub depth_max: usize,
 }
 
 impl Default for FlowLimits {
     fn default() -> Self {
-        Self { blocks_max: 5_000_000, depth_max: 100 }
+        Self { blocks_max: 5_000_000, bytes_max: 64 << 20, depth_max: 100 }
     }
 }

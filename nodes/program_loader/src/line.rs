@@ -10,6 +10,8 @@ pub(crate) struct Line<'t> {
     /// Line number, from 1.
     pub(crate) number: u32,
     pub(crate) text: &'t [u8],
+    /// The row of the table of calls that it is run in.
+    pub(crate) call: u32,
 }
 
 impl Line<'_> {
@@ -27,6 +29,7 @@ impl Line<'_> {
             block,
             column: u16::try_from(before + 1).unwrap_or(u16::MAX),
             length: u16::try_from(within).unwrap_or(u16::MAX),
+            call: self.call,
         }
     }
 
@@ -75,7 +78,7 @@ mod tests {
     #[test]
     fn columns_count_characters_whatever_the_encoding() {
         for text in ["(\u{fc}) G1".as_bytes(), b"(\xfc) G1"] {
-            let line = Line { number: 3, text };
+            let line = Line { number: 3, text, call: 0 };
             let source = line.source(None, text.len() - 2, text.len());
             assert_eq!((source.line, source.column, source.length), (3, 5, 2));
         }
@@ -83,13 +86,13 @@ mod tests {
 
     #[test]
     fn names_are_quoted_as_they_are_written() {
-        let line = Line { number: 1, text: b"x[#<_Depth> + sin[#<a b>]]" };
+        let line = Line { number: 1, text: b"x[#<_Depth> + sin[#<a b>]]", call: 0 };
         assert_eq!(line.quote(0, 99), "X[#<_Depth>+SIN[#<ab>]]");
     }
 
     #[test]
     fn long_words_are_quoted_short() {
-        let line = Line { number: 1, text: &[b'x'; 100] };
+        let line = Line { number: 1, text: &[b'x'; 100], call: 0 };
         assert_eq!(line.quote(0, 100), "X".repeat(24) + "...");
     }
 }

@@ -13,6 +13,7 @@ use crate::parameter_file::{PARAMETER_FILE_BYTES_MAX, with_parameters};
 use crate::subroutines::with_subroutines;
 use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
+use cnc_msgs::calls::chain_after;
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
 use cnc_msgs::interface::Service;
@@ -217,7 +218,7 @@ impl Loader {
                 .or_else(|error: UnknownReaction| refuse(W::INVALID_REQUEST, error))?;
         }
         let text = with_subroutines(text, &profile, |name| {
-            self.subroutines.read(&format!("{name}.ngc"), PROGRAM_BYTES_MAX as u64).ok()
+            self.subroutines.read(name, PROGRAM_BYTES_MAX as u64).ok()
         });
         let text = self.with_parameters(text, &profile)?;
         let mut loaded = load(&text, &profile, &self.options);
@@ -420,8 +421,9 @@ pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
     let mut errors = loaded.findings.iter().filter(|finding| finding.is_error());
     let first = errors.next()?;
     let (line, message) = (first.source.line, &first.message);
+    let calls = chain_after(&first.calls);
     Some(format!(
-        "{name} is refused: {} errors, the first: line {line}: {message}",
+        "{name} is refused: {} errors, the first: line {line}{calls}: {message}",
         1 + errors.count()
     ))
 }

@@ -3,6 +3,7 @@
 //! Where a program begins and ends is in [`ends`]; O words are [`flow`](crate::flow)'s,
 //! blocks the lexer's and the interpreter's.
 
+mod calculations;
 mod ends;
 mod remarks;
 
@@ -19,6 +20,7 @@ use crate::parameter_file::Stored;
 use crate::parameters::{CannotSet, Parameters};
 use crate::rules::Rules;
 use crate::values::Values;
+use cnc_msgs::calls::Calls;
 use cnc_msgs::finding::{Code, Finding};
 
 /// Which part of the text is being read.
@@ -80,7 +82,8 @@ impl<'r> Reader<'r> {
             last_line_without_end: None,
             parameters: Parameters::default(),
             has_reported_log: false,
-            flow: (!flow.entries.is_empty()).then(|| Flow::new(text, flow, options.flow)),
+            flow: (!flow.entries.is_empty())
+                .then(|| Flow::new(text, flow, rules.dialect.lexer.programs, options.flow)),
         }
     }
 
@@ -89,8 +92,9 @@ impl<'r> Reader<'r> {
         self.parameters.store(values);
     }
 
-    /// Reads and executes the program; returns what it has come to, and all findings.
-    pub(crate) fn read(mut self) -> (Interpreter<'r>, Findings) {
+    /// Reads and executes the program; returns what it has come to, all findings, and the calls that
+    /// both were made in.
+    pub(crate) fn read(mut self) -> (Interpreter<'r>, Findings, Calls) {
         let text = self.text;
         let mut cursor = Cursor { offset: 0, line: 1 };
         let mut last_line = 0;
@@ -100,8 +104,9 @@ impl<'r> Reader<'r> {
             for end in ends.chain(std::iter::once(text.len())) {
                 last_line = cursor.line;
                 let whole = &text[cursor.offset.min(end)..end];
-                let line =
-                    Line { number: cursor.line, text: whole.strip_suffix(b"\r").unwrap_or(whole) };
+                let call = self.flow.as_ref().map_or(0, Flow::row);
+                let whole = whole.strip_suffix(b"\r").unwrap_or(whole);
+                let line = Line { number: cursor.line, text: whole, call };
                 match self.line(line, cursor) {
                     Outcome::Line => {}
                     Outcome::Jump(to) => {
@@ -120,7 +125,7 @@ impl<'r> Reader<'r> {
         } else if !self.block.is_binary {
             self.check_end(last_line);
         }
-        (self.interpreter, self.findings)
+        (self.interpreter, self.findings, self.flow.map(Flow::into_calls).unwrap_or_default())
     }
 
     /// Reads and executes one line.
@@ -131,6 +136,9 @@ impl<'r> Reader<'r> {
             self.too_long(line);
             self.has_blocks = true;
             return Outcome::Line;
+        }
+        if let Some(outcome) = self.percent_in_call(line) {
+            return outcome;
         }
         if self.percent(line) || self.is_deleted(line) {
             return Outcome::Line;
@@ -198,15 +206,17 @@ impl<'r> Reader<'r> {
             .iter()
             .any(|word| word.letter == b'L' && [1.0, 10.0].contains(&word.value));
         for word in &self.block.words {
-            let lasts = code_in_tenths(word.value).is_some_and(|tenths| match word.letter {
-                b'G' => match g(tenths) {
-                    // A tool.
-                    GWord::Offset(OffsetWord::Set) => sets_for_later,
-                    word => word.only_acts_later(),
-                },
-                b'M' => m(tenths / 10).only_acts_later(),
-                _ => false,
-            });
+            let calls = self.rules.dialect.lexer.programs.and_then(|it| it.call);
+            let lasts = calls.is_some_and(|(letter, _)| letter == word.letter)
+                || code_in_tenths(word.value).is_some_and(|tenths| match word.letter {
+                    b'G' => match g(tenths) {
+                        // A tool.
+                        GWord::Offset(OffsetWord::Set) => sets_for_later,
+                        word => word.only_acts_later(),
+                    },
+                    b'M' => m(tenths / 10).only_acts_later(),
+                    _ => false,
+                });
             if lasts {
                 let (start, end) = (usize::from(word.start), usize::from(word.end));
                 let source = line.source(self.block.number, start, end);
@@ -226,7 +236,7 @@ impl<'r> Reader<'r> {
         if self.findings.count() > first_finding
             && let Some(flow) = &mut self.flow
         {
-            flow.place(&mut self.findings, first_finding);
+            flow.drop_repeated(&mut self.findings, first_finding);
         }
         match next {
             Next::Line | Next::Block => Outcome::Line,
@@ -269,6 +279,13 @@ impl<'r> Reader<'r> {
         let Some(flow) = &mut self.flow else { return Next::Line };
         match after {
             After::Block => Next::Line,
+            After::End
+                if self.rules.dialect.lexer.programs.is_some()
+                    && flow.depth() > 0
+                    && !self.block.is_binary =>
+            {
+                self.end_in_call(line)
+            }
             After::End => {
                 self.section = Section::After {
                     end_line: line.number,
@@ -297,6 +314,9 @@ impl<'r> Reader<'r> {
 
     /// Sets the parameters of a block that has been read.
     fn assign(&mut self, line: Line<'_>) {
+        if self.rules.dialect.lexer.r_parameters {
+            self.check_calculation(line);
+        }
         for assignment in std::mem::take(&mut self.block.assignments) {
             if self.options.is_single_block {
                 let source = line.source(self.block.number, assignment.start, assignment.end);
@@ -328,15 +348,19 @@ impl<'r> Reader<'r> {
     /// M98 or M99 in a program without program numbers.
     #[cold]
     fn no_program(&mut self, line: Line<'_>, after: After) -> Outcome {
-        if after == After::EndOfProgram {
-            self.refuse_endless(line, None);
-        } else {
-            let message = "M98 calls a program that the text does not have";
+        let programs = self.rules.dialect.lexer.programs;
+        if let After::Call { program, .. } = after {
+            let (message, help) = match programs {
+                Some(programs) => programs.missing(program),
+                None => (
+                    "M98 calls a program that the text does not have".to_owned(),
+                    "write the program after the end of the main program: O100 ... M99".to_owned(),
+                ),
+            };
             let source = line.source(self.block.number, self.block.start, self.block.end);
-            self.findings.push(
-                Finding::error(Code::Syntax, source, message)
-                    .help("write the program after the end of the main program: O100 ... M99"),
-            );
+            self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+        } else {
+            self.refuse_endless(line, None);
         }
         self.section = Section::After { end_line: line.number, is_reported: true };
         Outcome::Stop
@@ -345,12 +369,16 @@ impl<'r> Reader<'r> {
     /// M99 in the main program: LinuxCNC would begin it again without an end.
     #[cold]
     fn refuse_endless(&mut self, line: Line<'_>, running: Option<String>) {
-        let (message, help) = match running {
-            None => (
+        let (message, help) = match (running, self.rules.dialect.lexer.programs) {
+            (None, Some(programs)) => (
+                format!("{} ends a program that has been called, and none has been", programs.end),
+                "end the main program with M2 or M30",
+            ),
+            (None, None) => (
                 "M99 in the main program begins it again, without an end".to_owned(),
                 "end the program with M2 or M30, and run it again",
             ),
-            Some(running) => {
+            (Some(running), _) => {
                 (format!("M99 does not end {running}"), "end a subroutine with endsub or return")
             }
         };

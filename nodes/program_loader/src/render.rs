@@ -3,7 +3,9 @@
 //! Serves the findings of every node: it knows only places and messages. A place outside of the
 //! text is shown without its line.
 
+use crate::subroutines::AppendedFiles;
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+use cnc_msgs::calls::chain_text;
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::numbers::with_enough_digits;
@@ -22,12 +24,13 @@ pub fn render(name: &str, text: &str, findings: &[Finding], color: bool) -> Stri
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let name = &printable(name);
     let lines = lines_of(text, findings);
+    let files = AppendedFiles::of(text);
     let mut drawn = String::new();
     for finding in findings {
         if !drawn.is_empty() {
             drawn.push_str("\n\n");
         }
-        drawn.push_str(&draw(&renderer, name, &lines, finding));
+        drawn.push_str(&draw(&renderer, name, &lines, &files, finding));
     }
     if !drawn.is_empty() {
         drawn.push('\n');
@@ -56,7 +59,13 @@ fn lines_of<'t>(text: &'t str, findings: &[Finding]) -> Vec<(u32, &'t str)> {
     lines
 }
 
-fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], finding: &Finding) -> String {
+fn draw(
+    renderer: &Renderer,
+    name: &str,
+    lines: &[(u32, &str)],
+    files: &AppendedFiles<'_>,
+    finding: &Finding,
+) -> String {
     let level = match finding.severity {
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
@@ -94,6 +103,9 @@ fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], finding: &Findin
             Group::with_title(title).element(origin)
         }
     };
+    for note in notes(files, finding) {
+        group = group.element(Level::NOTE.message(printable(&note)));
+    }
     if !finding.help.is_empty() {
         group = group.element(Level::HELP.message(printable(&finding.help)));
     }
@@ -102,6 +114,25 @@ fn draw(renderer: &Renderer, name: &str, lines: &[(u32, &str)], finding: &Findin
         true => drawn.lines().filter(|line| !is_empty_origin(line)).collect::<Vec<_>>().join("\n"),
         false => drawn,
     }
+}
+
+/// The file that the line is of, and the calls and passes that led to it.
+fn notes(files: &AppendedFiles<'_>, finding: &Finding) -> Vec<String> {
+    let mut notes = Vec::new();
+    let of_file = |line: u32| files.place(line).map(|(file, of)| format!("line {of} of {file}"));
+    if let Some(place) = of_file(finding.source.line) {
+        notes.push(format!("line {} is {place}", finding.source.line));
+    }
+    if !finding.calls.is_empty() {
+        notes.push(chain_text(&finding.calls, |line| files.text(line)));
+    }
+    if let Some(other) = finding.other
+        && !finding.other_calls.is_empty()
+    {
+        let chain = chain_text(&finding.other_calls, |line| files.text(line));
+        notes.push(format!("{}: {chain}", files.text(other.line)));
+    }
+    notes
 }
 
 /// The `:::` of another file, which the library writes above a snippet whose place came first.

@@ -6,7 +6,7 @@ use cnc_msgs::contour::{Approach, OutsideCorner, Source};
 use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::profile::{LengthOfD, Profile, RadiusKind, ZeroOffset};
 
-use crate::dialect::{self, Dialect, RadiusWord};
+use crate::dialect::{self, Dialect, Letters, RadiusWord};
 
 #[derive(Debug)]
 pub(crate) struct Rules<'p> {
@@ -19,6 +19,8 @@ pub(crate) struct Rules<'p> {
     pub(crate) radius_word: RadiusWord,
     /// How strict a selection without such a word is treated.
     pub(crate) no_radius: Severity,
+    /// The letters of a block that calls a program with a word of its own.
+    pub(crate) call_letters: Letters,
     /// What D0 does.
     pub(crate) d0: ZeroOffset,
     /// Whether D selects a length as well (S34).
@@ -60,8 +62,11 @@ impl<'p> Rules<'p> {
         let forbidden = forbidden_words
             .filter_map(|word| number(word, b"GM@", "forbidden_under_compensation"))
             .collect();
+        let dialect = dialect::of(profile.language.dialect);
+        let call = dialect.lexer.programs.and_then(|programs| programs.call);
         let rules = Self {
-            dialect: dialect::of(profile.language.dialect),
+            dialect,
+            call_letters: call.map_or(Letters::NONE, |(word, times)| Letters::of(&[word, times])),
             control: &profile.name,
             x_is_diameter: profile.language.x_is_diameter,
             radius_word: radius_word(profile),

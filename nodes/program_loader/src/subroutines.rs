@@ -1,20 +1,25 @@
-//! Subroutines in files of their own: `o<pocket> call` where the program has no `o<pocket> sub`.
+//! Subroutines in files of their own: `o<pocket> call` where the program has no `o<pocket> sub`, and
+//! `M98 P10` where it has no program of that number.
 //!
 //! The text of each file is appended to the program, so that what was loaded is one text: it has
 //! one hash, is recorded whole, and can be replayed without the files. Knows which files are
 //! wanted, not where they are.
 
+use crate::block::{Block, LexerRules, Programs, Word};
+use crate::expression::{Lookup, Trouble};
 use crate::findings::Findings;
 use crate::flow::FlowMap;
-use crate::limits::{APPENDED, LIBRARY_FILES_MAX, PROGRAM_BYTES_MAX};
+use crate::lexer;
+use crate::limits::{APPENDED, LIBRARY_FILES_MAX, LINE_BYTES_MAX, NUMBER_MAX, PROGRAM_BYTES_MAX};
+use crate::line::Line;
 use cnc_msgs::profile::Profile;
 use std::collections::BTreeSet;
 
 /// Appends the files of all subroutines that the program, or a file that was appended, calls and
 /// does not define.
 ///
-/// `read` gives the text of a file by the name of its subroutine: small letters, digits, `_` and
-/// `-`. A call of another name, or one that it has no text for, is left as it is; the loader
+/// `read` gives the text of a file: `pocket.ngc` of `o<pocket> call`, `10.nc` of `M98 P10`; small
+/// letters, digits, `_` and `-`. A call of another name, or one that it has no text for, is left as it is; the loader
 /// reports it when the program comes to it.
 pub fn with_subroutines(
     text: Vec<u8>,
@@ -22,19 +27,26 @@ pub fn with_subroutines(
     mut read: impl FnMut(&str) -> Option<Vec<u8>>,
 ) -> Vec<u8> {
     let mut text = text;
-    if !crate::dialect::of(profile.language.dialect).lexer.parameters {
-        return text;
-    }
+    let rules = &crate::dialect::of(profile.language.dialect).lexer;
+    let ending = match rules.programs {
+        Some(programs) => programs.ending,
+        None if rules.parameters => "ngc",
+        None => return text,
+    };
     let mut asked: BTreeSet<String> = BTreeSet::new();
     let mut has_files = false;
+    let mut called = CalledPrograms::default();
     loop {
         // One after the other: a file may define what the next one would have been read for.
-        let map = FlowMap::of(&text, false, &mut Findings::default());
-        let missing =
-            map.undefined_calls().find(|name| is_file_name(name) && !asked.contains(*name));
-        let Some(name) = missing.map(str::to_owned) else { return text };
+        let missing = called.undefined(&text, rules);
+        let Some(name) =
+            missing.into_iter().find(|name| is_file_name(name) && !asked.contains(name))
+        else {
+            return text;
+        };
+        let file_name = format!("{name}.{ending}");
         if asked.len() < LIBRARY_FILES_MAX
-            && let Some(file) = read(&name)
+            && let Some(file) = read(&file_name)
             && text.len() + file.len() < PROGRAM_BYTES_MAX
         {
             // What ends a text ends a file as well.
@@ -48,11 +60,164 @@ pub fn with_subroutines(
             // The program ends here: what stands in a file outside its subroutine is not run.
             let end = if has_files { String::new() } else { format!("{APPENDED}\n") };
             has_files = true;
-            text.extend_from_slice(format!("{end}(file {name}.ngc)\n").as_bytes());
-            text.extend_from_slice(file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file));
+            let file = file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file);
+            let lines = file.split_inclusive(|byte| *byte == b'\n').count();
+            text.extend_from_slice(format!("{end}(file {file_name}, {lines} lines)\n").as_bytes());
+            text.extend_from_slice(file);
         }
         asked.insert(name);
     }
+}
+
+/// The numbers of the programs that a text calls, found once in what is appended to it as well.
+#[derive(Default)]
+struct CalledPrograms {
+    numbers: BTreeSet<u32>,
+    /// Bytes of the text that have been searched.
+    searched: usize,
+}
+
+impl CalledPrograms {
+    /// The subroutines or programs that a text calls and does not have.
+    fn undefined(&mut self, text: &[u8], rules: &LexerRules) -> Vec<String> {
+        let mut findings = Findings::default();
+        let Some(programs) = rules.programs else {
+            let map = FlowMap::of(text, false, &mut findings);
+            return map.undefined_calls().map(str::to_owned).collect();
+        };
+        self.search(&text[self.searched..], rules, programs);
+        self.searched = text.len();
+        let map = FlowMap::of_programs(text, programs, &mut findings);
+        let called = self.numbers.iter().map(u32::to_string);
+        called.filter(|number| !map.programs.contains_key(number.as_str())).collect()
+    }
+
+    fn search(&mut self, text: &[u8], rules: &LexerRules, programs: &Programs) {
+        let mut block = Block::default();
+        for line in text.split(|byte| *byte == b'\n') {
+            if line.len() > LINE_BYTES_MAX || !may_call(line, programs) {
+                continue;
+            }
+            let line = Line { number: 1, text: line.strip_suffix(b"\r").unwrap_or(line), call: 0 };
+            lexer::read(line, rules, &mut block, &mut Findings::default(), &NoValues);
+            let is_m98 =
+                |word: &Word| word.letter == b'M' && crate::code_in_tenths(word.value) == Some(980);
+            let letter = match programs.call {
+                Some((letter, _)) => letter,
+                None if block.words.iter().any(is_m98) => b'P',
+                None => continue,
+            };
+            if let Some(word) = block.words.iter().find(|word| word.letter == letter)
+                && (0.0..=NUMBER_MAX).contains(&word.value)
+                && word.value.fract() == 0.0
+            {
+                self.numbers.insert(word.value as u32);
+            }
+        }
+    }
+}
+
+/// Whether a line may have a call, without reading its words.
+fn may_call(line: &[u8], programs: &Programs) -> bool {
+    match programs.call {
+        None => memchr::memmem::find(line, b"98").is_some(),
+        // `LF` ends many lines.
+        Some((letter, _)) => memchr::memchr2_iter(letter, letter.to_ascii_lowercase(), line)
+            .any(|at| !line.get(at + 1).is_some_and(u8::is_ascii_alphabetic)),
+    }
+}
+
+/// Values before the program runs.
+struct NoValues;
+
+impl Lookup for NoValues {
+    fn numbered(&self, _: u32) -> Option<Result<f64, Trouble>> {
+        Some(Ok(f64::NAN))
+    }
+
+    fn named(&self, _: &str) -> Option<Result<f64, Trouble>> {
+        Some(Ok(f64::NAN))
+    }
+}
+
+/// Where each appended file begins: the offset of the line before it, its name without ending, and
+/// the offset of the first byte after it.
+pub(crate) fn file_starts(text: &[u8]) -> Vec<(usize, String, usize)> {
+    let mut starts = Vec::new();
+    let appended = memchr::memmem::find_iter(text, APPENDED).find(|&at| {
+        let is_begin = at == 0 || text[at - 1] == b'\n';
+        is_begin && matches!(text.get(at + APPENDED.len()), None | Some(b'\n' | b'\r'))
+    });
+    let Some(mut at) = appended.map(|at| after_lines(text, at, 1)) else { return starts };
+    while at < text.len() {
+        let end = after_lines(text, at, 1);
+        let line = std::str::from_utf8(&text[at..end]).unwrap_or_default();
+        let Some((name, lines)) = file_after(line.trim_end()) else { break };
+        let after = after_lines(text, end, lines);
+        let name = name.split_once('.').map_or(name, |(name, _)| name);
+        starts.push((at, name.to_owned(), after));
+        at = after;
+    }
+    starts
+}
+
+/// The first byte after so many lines.
+fn after_lines(text: &[u8], at: usize, lines: u32) -> usize {
+    let Some(last) = lines.checked_sub(1) else { return at };
+    let mut ends = memchr::memchr_iter(b'\n', &text[at..]);
+    ends.nth(last as usize).map_or(text.len(), |end| at + end + 1)
+}
+
+/// The files that were appended to a program.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct AppendedFiles<'t> {
+    /// The line before each file, how many it has, and its name.
+    files: Vec<(u32, u32, &'t str)>,
+}
+
+impl<'t> AppendedFiles<'t> {
+    /// Finds them in the text of a program. The line before a file says how many lines it has, and the
+    /// next one is looked for after them: a comment in a file that looks the same is a comment.
+    pub fn of(text: &'t str) -> Self {
+        let mut files = Vec::new();
+        let mut lines = (1_u32..).zip(text.lines());
+        if !text.contains(APPENDED) || !lines.any(|(_, line)| line == APPENDED) {
+            return Self::default();
+        }
+        while let Some((number, line)) = lines.next()
+            && let Some((name, count)) = file_after(line)
+        {
+            files.push((number, count, name));
+            if let Some(last) = (count as usize).checked_sub(1) {
+                lines.nth(last);
+            }
+        }
+        Self { files }
+    }
+
+    /// The file of a line, and the line in it; `None` for a line of the program itself.
+    pub fn place(&self, line: u32) -> Option<(&'t str, u32)> {
+        let after = self.files.partition_point(|&(before, _, _)| before < line);
+        let (before, count, name) = *self.files.get(after.checked_sub(1)?)?;
+        (line - before <= count).then_some((name, line - before))
+    }
+
+    /// `line 60`, or `line 60 (line 8 of pocket.ngc)`.
+    pub fn text(&self, line: u32) -> String {
+        match self.place(line) {
+            None => format!("line {line}"),
+            Some((file, in_file)) => format!("line {line} (line {in_file} of {file})"),
+        }
+    }
+}
+
+/// The name of the file that follows this line, and how many lines it has: `(file pocket.ngc, 12 lines)`.
+fn file_after(line: &str) -> Option<(&str, u32)> {
+    let (name, count) = line.strip_prefix("(file ")?.strip_suffix(" lines)")?.split_once(", ")?;
+    let is_named = name.split_once('.').is_some_and(|(name, ending)| {
+        is_file_name(name) && ["ngc", "nc", "nct", "spf"].contains(&ending)
+    });
+    Some((name, count.parse().ok()?)).filter(|_| is_named)
 }
 
 /// Whether a subroutine of this name may have a file. No name leads out of a folder.
@@ -72,7 +237,7 @@ mod tests {
         let mut asked = Vec::new();
         let text = with_subroutines(text.as_bytes().to_vec(), &profile, |name| {
             asked.push(name.to_owned());
-            let file = files.iter().find(|(of, _)| *of == name)?;
+            let file = files.iter().find(|(of, _)| Some(*of) == name.strip_suffix(".ngc"))?;
             Some(file.1.as_bytes().to_vec())
         });
         let mut once = asked.clone();
@@ -88,7 +253,9 @@ mod tests {
         let main = "o<POCKET> call [1]\no<own> call\no<own> sub\no<own> endsub\nM2";
         assert_eq!(
             assemble(main, &[("pocket", pocket), ("hole", hole), ("own", "G0 X0")]),
-            format!("{main}\n{APPENDED}\n(file pocket.ngc)\n{pocket}(file hole.ngc)\n{hole}")
+            format!(
+                "{main}\n{APPENDED}\n(file pocket.ngc, 4 lines)\n{pocket}(file hole.ngc, 3 lines)\n{hole}"
+            )
         );
     }
 
@@ -106,13 +273,40 @@ mod tests {
     }
 
     #[test]
+    fn lines_of_appended_files_are_known_by_file_and_line() {
+        let main = "o<a> call\no<b> call\nM2\n(file c.ngc, 1 lines)\n";
+        // The first has what looks like the line before another, and so has the second for its end.
+        let a = "o<a> sub\n(file c.ngc, 1 lines)\no<a> endsub\n";
+        let files = [("a", a), ("b", "o<b> sub\n(file c.ngc)\no<b> endsub")];
+        let text = assemble(main, &files) + "\n(values)\n";
+        let appended = AppendedFiles::of(&text);
+        let places: Vec<_> = (1..=14).map(|line| appended.place(line)).collect();
+        let (a, b) = ("a.ngc", "b.ngc");
+        assert_eq!(places[..6], [None; 6], "{text}");
+        let of_a = [Some((a, 1)), Some((a, 2)), Some((a, 3))];
+        let of_b = [Some((b, 1)), Some((b, 2)), Some((b, 3))];
+        assert_eq!(places[6..9], of_a, "{text}");
+        assert_eq!(places[9], None, "the line before a file is of none");
+        assert_eq!(places[10..13], of_b, "{text}");
+        assert_eq!(places[13], None, "it has three lines");
+        assert_eq!(appended.text(8), "line 8 (line 2 of a.ngc)");
+        assert_eq!(AppendedFiles::of(main).text(4), "line 4");
+    }
+
+    #[test]
     fn a_file_is_not_read_for_what_another_file_defines() {
         let both = "o<a> sub\no<a> endsub\no<b> sub\no<b> endsub\n";
         let main = "o<a> call\no<b> call\nM2\n";
         let files = [("a", both), ("b", "o<b> sub\no<b> endsub\n")];
-        assert_eq!(assemble(main, &files), format!("{main}{APPENDED}\n(file a.ngc)\n{both}"));
+        assert_eq!(
+            assemble(main, &files),
+            format!("{main}{APPENDED}\n(file a.ngc, 4 lines)\n{both}")
+        );
         let ended = format!("{}\x1A", main.trim_end());
-        assert_eq!(assemble(&ended, &files), format!("{main}{APPENDED}\n(file a.ngc)\n{both}"));
+        assert_eq!(
+            assemble(&ended, &files),
+            format!("{main}{APPENDED}\n(file a.ngc, 4 lines)\n{both}")
+        );
     }
 
     #[test]

@@ -13,7 +13,7 @@ use settings::Control;
 
 fn load_as(control: &str, text: &[u8]) -> Loaded {
     // Loops without an end are found sooner.
-    let flow = FlowLimits { blocks_max: 10_000, depth_max: 20 };
+    let flow = FlowLimits { blocks_max: 10_000, depth_max: 20, ..FlowLimits::default() };
     load(text, &profile(control), &LoadOptions { flow, ..LoadOptions::default() })
 }
 

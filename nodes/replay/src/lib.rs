@@ -42,6 +42,7 @@ use driver::Played;
 pub use error::ReplayError;
 use guard::{Contents, absent};
 use inputs::CoreInputs;
+pub use migration::{completed, with_names_of_today};
 use output::Output;
 pub use plan_memo::PlanMemo;
 use planner::Replanned;

@@ -7,6 +7,7 @@ use super::output::Output;
 use super::recording::Recording;
 use super::{ReplayError, refused_loads};
 use cnc_msgs::chunk::ContourChunks;
+use cnc_msgs::interface::Message as _;
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, ProgrammedContour};
 use cnc_msgs::wire::rcl_interfaces::msg::{ParameterType, ParameterValue};
 use program_loader::limits::FlowLimits;
@@ -28,7 +29,11 @@ pub(crate) fn replay(
             flow: flow(recording),
             ..LoadOptions::default()
         };
-        let loaded = load(&program.text, &profile, &options);
+        let mut loaded = load(&program.text, &profile, &options);
+        if recording.definitions.is_migrated(ContourChunk::TYPE_NAME) {
+            // What was recorded knows no calls, and neither does the path that was made of it.
+            loaded.contour.forget_calls();
+        }
         if let Some(finding) = loaded.findings.iter().find(|finding| finding.is_error()) {
             comparison.differs(
                 "program",
@@ -89,7 +94,10 @@ pub(crate) fn block_delete(recording: &Recording) -> bool {
 pub(crate) fn flow(recording: &Recording) -> FlowLimits {
     let recorded = |name| parameter(recording, name).map(|value| value.integer_value);
     let standard = FlowLimits::default();
+    // A loader without the parameter had no such bound.
+    let bytes_max = recorded("executed_bytes_max").map_or(u64::MAX, i64::unsigned_abs);
     FlowLimits {
+        bytes_max,
         blocks_max: recorded("executed_blocks_max").map_or(standard.blocks_max, i64::unsigned_abs),
         depth_max: recorded("subroutine_depth_max")
             .map_or(standard.depth_max, |most| most.unsigned_abs() as usize),

@@ -34,12 +34,78 @@ struct Migration {
     added: &'static [&'static str],
 }
 
+/// The calls of everything in a report.
+const CALLS_OF_REPORT: &[&str] = &[
+    "findings[*].calls",
+    "findings[*].other_calls",
+    "certificates[*].limited_by[*].calls",
+    "certificates[*].calls",
+    "uncut[*].calls",
+];
+
 /// One row for each definition that bags in the field may have.
 const MIGRATIONS: &[Migration] = &[
     Migration {
         type_name: "cnc_msgs/msg/ContourChunk",
         from: "RIHS01_d103fdd8073408a5a27158f6882af36e841ade951dd3a7ce677accfbb506cb04",
-        added: &["events[*].direction"],
+        added: &[
+            "events[*].direction",
+            "event_calls",
+            "calls",
+            "events[*].function[*].further_axes",
+            "events[*].function[*].further_target",
+        ],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/ContourChunk",
+        from: "RIHS01_bcf1c04eb4de8c45cf1c2fcb93f6b78b84648494c7e1e7d84845a1900b510b01",
+        added: &[
+            "event_calls",
+            "calls",
+            "events[*].function[*].further_axes",
+            "events[*].function[*].further_target",
+        ],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/PathChunk",
+        from: "RIHS01_bb3dbb3aa55d7a2813c2f3dab890b0ada004871a3f323bea6742cfb6355346da",
+        added: &[
+            "element_calls",
+            "event_calls",
+            "calls",
+            "events[*].function.further_axes",
+            "events[*].function.further_target",
+        ],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/ProgrammedContour",
+        from: "RIHS01_a4e3e2c78258a2ae8ee564d9bba79bc75159e164035b308f9b652ef9fd990d06",
+        added: &["call_count"],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/ProgrammedContour",
+        from: "RIHS01_e76881234d03f2d1a24e364187edb9ee9442fb145e58d879ed6b18229f82a309",
+        added: &["call_count"],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/CompensatedPath",
+        from: "RIHS01_962c69237c705e49eb33562553cc3c6a2d7fe3b7fac3e7742249367a97c923d5",
+        added: &["call_count"],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/CompensatedPath",
+        from: "RIHS01_40bad5cec12ff1975f5ad23922f5760e29b944fd9b9704c06bb550aeb7defe3a",
+        added: &["call_count"],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/CompensationReport",
+        from: "RIHS01_e1cc32bb2c7236f4cdebccf77b35cc08570ab681a6b8b3aa0bc8126d8df1f3d5",
+        added: CALLS_OF_REPORT,
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/CompensationReport",
+        from: "RIHS01_734251729a5eebd04165fcd3e58b195a8dfaa7b47c130ae58fcd54b37d80aa0b",
+        added: CALLS_OF_REPORT,
     },
     Migration {
         type_name: "cnc_msgs/msg/MachineState",
@@ -53,12 +119,25 @@ const MIGRATIONS: &[Migration] = &[
             "work_system",
             "tool_wanted",
             "link_watch",
+            "further_axes",
+            "further_machine_position",
+            "further_work_position",
         ],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/RunResult",
+        from: "RIHS01_d397c422512a1dc2455bf1b9236b8d111aa1902d97b745e1a42328072d2f5daa",
+        added: &["last_occurrence"],
     },
     Migration {
         type_name: "cnc_msgs/msg/MachineState",
         from: "RIHS01_86e6ac950541fb4a7fce264c9d93bccf60a25ad0010a09bba5a0df2419896034",
-        added: &["link_watch"],
+        added: &["link_watch", "further_axes", "further_machine_position", "further_work_position"],
+    },
+    Migration {
+        type_name: "cnc_msgs/msg/MachineState",
+        from: "RIHS01_e9a5e8f60d232a5df145204a84689280385865712f3afa1b7698470d9a46c644",
+        added: &["further_axes", "further_machine_position", "further_work_position"],
     },
 ];
 
@@ -151,6 +230,11 @@ impl Definitions {
         self.of(type_name).any(|way| matches!(way, Decoding::Migrated { .. }))
     }
 
+    /// Whether any channel had an older definition of one of these types.
+    pub(crate) fn is_older(&self, type_names: &[&str]) -> bool {
+        type_names.iter().any(|type_name| self.is_migrated(type_name))
+    }
+
     /// How messages of one type are decoded, by channel.
     fn of(&self, type_name: &str) -> impl Iterator<Item = &Decoding> {
         self.ways.iter().filter(move |((known, _), _)| *known == type_name).map(|(_, way)| way)
@@ -214,16 +298,20 @@ fn decoding<M: Message>(channel: &BagChannel) -> Result<Decoding, ReplayError> {
             .iter()
             .map(|path| path.parse().expect("the table holds valid paths"))
             .collect();
-        let explains = |gap: &Gap| matches!(gap, Gap::Added(path) if patterns.contains(path));
-        if gaps.iter().all(explains) {
-            return Ok(Decoding::Migrated { old, today: new, added: patterns });
+        // Without a hash a row may name more than this definition lacks.
+        let added = |gap: &Gap| match gap {
+            Gap::Added(path) if patterns.contains(path) => Some(path.clone()),
+            _ => None,
+        };
+        if let Some(added) = gaps.iter().map(added).collect() {
+            return Ok(Decoding::Migrated { old, today: new, added });
         }
     }
     Err(refused())
 }
 
 /// The old definition, with fields under the names of today.
-fn with_names_of_today(of: &str, mut old: Arc<MessageSchema>) -> Arc<MessageSchema> {
+pub fn with_names_of_today(of: &str, mut old: Arc<MessageSchema>) -> Arc<MessageSchema> {
     for (type_name, then, today) in RENAMED {
         if *type_name == of
             && let Some(index) = old.fields.iter().position(|field| *field.name == **then)
@@ -304,7 +392,7 @@ fn compare(
 }
 
 /// The message with every field of the definition; missing ones are zero.
-fn completed(schema: &MessageSchema, message: &MessageValue) -> MessageValue {
+pub fn completed(schema: &MessageSchema, message: &MessageValue) -> MessageValue {
     let fields = schema.fields.iter().map(|field| {
         let value = match (message.get(&field.name), &field.field_type) {
             (Some(Value::Message(inner)), FieldType::Message(schema)) => {

@@ -282,10 +282,13 @@ fn name(element: &PathElement) -> String {
         true => String::new(),
         false => format!(", axes {}", element.axes.letters()),
     };
-    let Source { line, block, column, length } = element.source;
+    let Source { line, block, column, length, call } = element.source;
     let block = block.map_or(String::new(), |block| format!(" N{block}"));
     let role = element.role.name();
-    format!("{kind} ({role}{side}{axes}) of line {line}{block}, column {column}, {length} long")
+    let call = if call == 0 { String::new() } else { format!(", call {call}") };
+    format!(
+        "{kind} ({role}{side}{axes}) of line {line}{block}{call}, column {column}, {length} long"
+    )
 }
 
 fn place([x, y, z]: Position) -> String {

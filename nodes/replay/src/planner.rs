@@ -8,12 +8,10 @@ use super::plan_memo::name_of;
 use super::recording::{RecordedPlan, RecordedProgram, Recording};
 use super::{Options, ReplayError};
 use cnc_msgs::chunk::PathChunks;
-use cnc_msgs::interface::Message;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::{
-    CompensatedPath as CompensatedPathMessage, CompensationReport, ContourChunk, PathChunk,
-    PathEvent,
+    CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk, PathEvent,
 };
 use compensation_planner::node::{certify, manifest_of, report_of};
 use compensation_planner::set_tool::LoadedProgram;
@@ -95,9 +93,8 @@ fn replan(
     };
     // What the loader makes now, and the rest of a run, are of this bag alone.
     let is_of_bag = rest.is_some() || inputs.is_chain();
-    // A plan is known by the checksum of its contour, which was compared unless its definition is an older one.
-    let has_checksum = !recording.definitions.is_migrated(ContourChunk::TYPE_NAME);
-    let memo = options.memo.filter(|_| !is_of_bag && has_checksum);
+    // A plan is known by the checksum of its contour.
+    let memo = options.memo.filter(|_| !is_of_bag);
     let memoized = |certifies: bool, make: &dyn Fn() -> Plan| match memo {
         Some(memo) => memo.plan(name_of(program, tools, certifies), make),
         None => Arc::new(make()),
@@ -199,7 +196,11 @@ pub fn compare_paths(
     (path_now, chunks_now): (&CompensatedPath, &[PathChunk]),
 ) -> bool {
     let mut fields = comparison.another();
-    fields.message(&format!("compensated_path {}", manifest.revision), manifest, manifest_now);
+    let mut then = manifest.clone();
+    if then.sha256.is_empty() {
+        then.sha256.clone_from(&manifest_now.sha256);
+    }
+    fields.message(&format!("compensated_path {}", manifest.revision), &then, manifest_now);
     comparison.count("paths as curves", 1);
     if manifest.sha256 == manifest_now.sha256 {
         // Every byte is the same: the checksums of the recorded chunks were checked.

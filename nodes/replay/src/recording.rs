@@ -6,7 +6,7 @@
 use super::migration::{Definitions, profile_of_then, rename_parameters};
 use super::run_result::{self, STATUS_TOPIC};
 use super::{Level, ReplayError};
-use cnc_msgs::chunk::{ChunkError, Collector};
+use cnc_msgs::chunk::{ChunkError, Collector, ContourChunks};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::interface::Message;
 use cnc_msgs::path::CompensatedPath;
@@ -290,7 +290,7 @@ impl Recording {
         let mut lack = |what, of: &str, levels| {
             missing.push(Missing { what, of: of.to_owned(), levels });
         };
-        for (id, (log_time_ns, manifest)) in gathered.contours {
+        for (id, (log_time_ns, mut manifest)) in gathered.contours {
             let in_contour = spoilt(format!("the contour of {id}"));
             let contour = Collector::for_contour(&manifest).map_err(&in_contour)?;
             let mut contour = self.definitions.sealed(contour);
@@ -314,13 +314,18 @@ impl Recording {
                 }
             }
             let contour = Arc::new(contour.finish(&manifest).map_err(&in_contour)?);
+            // Checksums over bytes of an older definition become those of today.
+            if self.definitions.is_migrated(wire::ContourChunk::TYPE_NAME) {
+                let chunks = ContourChunks::new(id.clone(), (*contour).clone());
+                chunks.sha256().clone_into(&mut manifest.sha256);
+            }
             let program = RecordedProgram { text, contour, manifest, log_time_ns };
             self.programs.insert(id, program);
         }
         for (revision, (log_time_ns, report)) in gathered.reports {
-            let manifest = gathered.paths.remove(&revision);
+            let mut manifest = gathered.paths.remove(&revision);
             let of = format!("revision {revision} of {}", report.program_id);
-            let path = match &manifest {
+            let path = match &mut manifest {
                 None => {
                     if report.accepted {
                         lack("the path", &of, &[Planner]);
@@ -336,7 +341,12 @@ impl Recording {
                         lack("a chunk of the path", &of, &[Planner]);
                         None
                     } else {
-                        Some(Arc::new(path.finish(manifest).map_err(&in_path)?))
+                        let path = Arc::new(path.finish(manifest).map_err(&in_path)?);
+                        // It is over bytes of an older definition: nothing is compared with it.
+                        if self.definitions.is_migrated(wire::PathChunk::TYPE_NAME) {
+                            manifest.sha256.clear();
+                        }
+                        Some(path)
                     }
                 }
             };

@@ -86,16 +86,23 @@ fn compare_end(outcomes: &[Option<RunOutcome>], status: i8) -> Result<(), Option
 /// matches. The shell appends the block that caused it to the recorded message.
 fn compare_result(ends: &[Option<&RunResult>], recorded: &Recorded) -> Option<String> {
     let is_same = |end: &RunResult| {
-        (end.error_code, end.last_line) == (recorded.error_code, recorded.last_line)
+        (end.error_code, end.last_line, end.last_occurrence)
+            == (recorded.error_code, recorded.last_line, recorded.last_occurrence)
             && recorded.message.starts_with(&end.message)
     };
     let mut ended = ends.iter().copied().flatten().peekable();
     ended.peek()?;
-    let words = |code, message: &str, line| format!("({code}) {message:?}, last line {line}");
-    let now: Vec<String> =
-        ended.clone().map(|end| words(end.error_code, &end.message, end.last_line)).collect();
+    let words = |code, message: &str, line, occurrence: u32| match occurrence {
+        0 => format!("({code}) {message:?}, last line {line}"),
+        number => format!("({code}) {message:?}, last line {line} for time {number}"),
+    };
+    let now = ended
+        .clone()
+        .map(|end| words(end.error_code, &end.message, end.last_line, end.last_occurrence));
+    let now: Vec<String> = now.collect();
     (!ended.any(is_same)).then(|| {
-        let before = words(recorded.error_code, &recorded.message, recorded.last_line);
+        let Recorded { error_code, message, last_line, last_occurrence, .. } = recorded;
+        let before = words(*error_code, message, *last_line, *last_occurrence);
         format!("{before} became {}", now.join(", "))
     })
 }
@@ -166,6 +173,7 @@ mod tests {
             message: message.into(),
             last_line,
             blamed_line: 0,
+            last_occurrence: 0,
         };
         use RunOutcome::Aborted;
         let recorded = Recorded {

@@ -100,6 +100,12 @@ pub const ROWS: &[ToleranceRow] = &[
     ),
     row(wire::ContourChunk::TYPE_NAME, "events[*].function[*].value", FUNCTION, FUNCTION_WHY),
     length(wire::ContourChunk::TYPE_NAME, "events[*].function[*].target.*"),
+    row(
+        wire::ContourChunk::TYPE_NAME,
+        "events[*].function[*].further_target[*]",
+        FUNCTION,
+        FUNCTION_WHY,
+    ),
     row(wire::CompensationReport::TYPE_NAME, "revision", Rule::Given, "counts plans of that day"),
     row(
         wire::CompensationReport::TYPE_NAME,
@@ -171,6 +177,7 @@ pub const ROWS: &[ToleranceRow] = &[
     row(wire::PathChunk::TYPE_NAME, "elements[*].feed_rate", FEED, FEED_WHY),
     row(wire::PathChunk::TYPE_NAME, "events[*].function.value", FUNCTION, FUNCTION_WHY),
     length(wire::PathChunk::TYPE_NAME, "events[*].function.target.*"),
+    row(wire::PathChunk::TYPE_NAME, "events[*].function.further_target[*]", FUNCTION, FUNCTION_WHY),
     row(
         "*",
         "**",

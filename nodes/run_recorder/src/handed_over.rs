@@ -106,7 +106,7 @@ mod tests {
         for (complaint, expected) in [
             ("", &[][..]),
             ("kerf fleet: s3://a: the store does not answer", &[]),
-            ("kerf fleet: /bags/two: not pushed: the bag has 2 files", &bags[1..]),
+            ("kerf fleet: /bags/two: not pushed: its 2 files are not of one run", &bags[1..]),
             ("kerf fleet: /spool/three.mcap: not pushed: it is damaged", &[]),
         ] {
             let refused: Vec<PathBuf> = refused_of(complaint, &bags).into_iter().collect();

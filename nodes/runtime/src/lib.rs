@@ -1,24 +1,24 @@
-//! The shell all nodes share; the only crate that knows ros2-client.
+//! The shell all nodes share; the only crate that knows ros2-client, RustDDS and Zenoh.
 //!
 //! A node is one process with one participant. [`run`] reads arguments,
 //! environment and parameter files, starts the node, logs to the console and
 //! `/rosout`, and takes everything down in order on SIGINT or SIGTERM. Between
 //! that, the node's own function has a [`Handle`], which makes the endpoints.
 //!
-//! The folders, each using only those before it: `process`, `parameters`, `command_line`,
-//! `rustdds`, `endpoints`, `managed`. The first lines of each say what belongs there. The files
+//! The folders, each using only those before it: `process`, `parameters`, `command_line`, `samples`,
+//! `rustdds`, `zenoh`, `endpoints`, `managed`. The first lines of each say what belongs there. The files
 //! beside them use all folders: `session` joins a domain, `run` is a node from start to end.
 //!
 //! What holds everywhere:
 //!
 //! - Publishing returns at once. A sample that the transport cannot take is dropped and
 //!   counted; the count is reported with a rate limit.
-//! - Nothing longer than a datagram is sent, not even on request.
+//! - Over DDS nothing longer than a datagram is sent, not even on request.
 //! - A sample of another type than the topic's is counted, reported once per
 //!   sender, and skipped. No input from outside makes a node panic.
 //! - Every call has a deadline, and distinguishes "no server" from "no answer".
 //! - A thread that panics ends the process, with its place in the log.
-//! - A node exits at once, with a reason, when its DDS threads no longer serve it or when it
+//! - A node exits at once, with a reason, when its middleware no longer serves it or when it
 //!   takes too much memory; see [`supervision`].
 //! - Every subscription has an explicit depth: samples that do not fit are lost
 //!   silently, even when reliable. Number the samples that must not be lost.
@@ -70,28 +70,32 @@ mod command_line;
 mod endpoints;
 mod managed;
 pub mod parameters;
+mod participant;
 mod process;
 mod run;
 mod rustdds;
+mod samples;
 mod session;
+#[cfg(feature = "zenoh")]
+mod zenoh;
 
 pub use cnc_msgs::interface;
 
 pub use client_session::{ClientSessionError, client_session};
 pub use command_line::environment::ServiceMapping;
 pub use command_line::log_levels::LogSettings;
-pub use command_line::{arguments, configuration, environment, names, security, stack_parameters};
+pub use command_line::{
+    arguments, configuration, environment, names, security, stack_parameters, zenoh_settings,
+};
 pub use endpoints::client::{ANSWER_WITHIN, CallError, Client, SERVER_WITHIN};
 pub use endpoints::error::NodeError;
 pub use endpoints::graph::LOOPBACK_PARTICIPANTS_MAX;
 pub use endpoints::node::Handle;
 pub use endpoints::publisher::Publisher;
-pub use endpoints::qos::Qos;
 pub use endpoints::raw::{DiscoveredPublisher, RawPublisher, RawSample, RawSubscription};
 pub use endpoints::service::RequestInfo;
-pub use endpoints::subscription::{SampleInfo, Subscription};
+pub use endpoints::subscription::Subscription;
 pub use endpoints::warning_rate_limit::WarningRateLimit;
-pub use endpoints::wire::Gid;
 pub use endpoints::{action, chunks};
 pub use managed::command_log as commands;
 pub use managed::diagnostics::{Health, HealthLevel};
@@ -107,4 +111,9 @@ pub use process::supervision;
 pub use process::time::RosTime;
 pub use run::{complain, main_with, run, run_managed, run_with};
 pub use rustdds::panics::end_command_on_panic;
+pub use samples::gid::Gid;
+pub use samples::qos::Qos;
+pub use samples::sample::SampleInfo;
 pub use session::Session;
+#[cfg(feature = "zenoh")]
+pub use zenoh::{error::ZenohError, router::Router};

@@ -20,7 +20,7 @@ use crate::process::console::write;
 use crate::process::panic_guard::end_on_panic;
 use crate::process::shutdown::Error;
 use crate::process::supervision::Notifier;
-use crate::rustdds::dds_watch::EndOfProcess;
+use crate::process::watchdog::EndOfProcess;
 use crate::rustdds::memory_bound::MemoryBound;
 use crate::session::Session;
 use futures::FutureExt;
@@ -146,7 +146,9 @@ where
         Some(ParameterValue::Integer(megabytes)) => MemoryBound::of(*megabytes),
         _ => MemoryBound::usual(),
     };
-    let end = EndOfProcess { logger, memory, when_deaf: true };
+    memory.enforce();
+    let exceeded = Box::new(move || memory.exceeded());
+    let end = EndOfProcess { logger, when_deaf: true, exceeded };
     let session = match Session::start_ruled(configuration, Some(end)) {
         Ok(session) => session,
         Err(error) => {

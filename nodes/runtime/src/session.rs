@@ -1,41 +1,45 @@
-//! One process, one participant, one node: start and end.
+//! One process, one participant or session, one node: start and end.
 //!
 //! More than one node on a participant would steal each other's events. What
-//! the node does meanwhile is in `node`; signals and exit status are in `run`.
+//! the node does meanwhile is in `node`; signals and exit status are in `run`. `participant` joins a
+//! domain of DDS, `zenoh::session` opens a session of Zenoh.
 
 use crate::command_line::configuration::Configuration;
-use crate::command_line::environment::{DiscoveryRange, Environment};
+use crate::command_line::environment::ServiceMapping;
 use crate::endpoints::error::{NodeError, failed};
-use crate::endpoints::graph::{Graph, LOOPBACK_PARTICIPANTS_MAX};
+use crate::endpoints::graph::Graph;
+use crate::endpoints::middleware::Middleware;
 use crate::endpoints::node::{Handle, Inner};
-use crate::endpoints::qos::Qos;
 use crate::managed::logger_services;
 use crate::managed::parameter_services::serve;
 use crate::managed::type_description;
 use crate::parameters::USE_SIM_TIME;
 use crate::parameters::live::LiveParameters;
+use crate::participant::{self, warn_of_too_many_participants};
 use crate::process::lock;
 use crate::process::shutdown::Shutdown;
 use crate::process::supervision::Notifier;
-use crate::rustdds::dds_threads::{DdsThreads, dds_threads};
-use crate::rustdds::dds_watch::{DdsWatch, EndOfProcess};
-use crate::rustdds::dropped_publishers::DroppedPublishers;
-use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
+use crate::process::watchdog::{EndOfProcess, Watchdog};
 use crate::rustdds::memory_bound::MemoryBound;
-use crate::rustdds::sockets::{confine_since, open_sockets};
-use ros2_client::{Context, NodeName, NodeOptions};
-use rustdds::{DomainParticipant, DomainParticipantBuilder};
-use std::net::Ipv4Addr;
-use std::path::Path;
+use ros2_client::Context;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+use tokio::sync::watch;
 
 /// A started node, with everything that must be torn down in order.
 pub struct Session {
     /// Dropped before the threads that it watches.
-    watch: DdsWatch,
+    watch: Watchdog,
     handle: Handle,
-    context: Context,
+    /// Of DDS alone.
+    context: Option<Context>,
+}
+
+/// A node that has joined its domain.
+pub(crate) struct Joined {
+    pub(crate) middleware: Middleware,
+    pub(crate) watch: Watchdog,
+    pub(crate) context: Context,
 }
 
 impl Session {
@@ -53,64 +57,61 @@ impl Session {
         end: Option<EndOfProcess>,
     ) -> Result<Self, NodeError> {
         let again = configuration.clone();
-        if let Some(end) = &end {
-            end.memory.enforce();
-        }
         let Configuration { names, environment, parameters, logs, enclave, .. } = configuration;
         raise_file_limit();
-        let (participant, threads) = join(&environment, enclave.as_deref())?;
-        if threads.count() == 0 {
-            tracing::warn!("/proc does not show the threads of the DDS layer: nobody watches them");
-        }
-        let deaf = tokio::sync::watch::Sender::new(None);
-        let watch = DdsWatch::start(
-            participant.clone(),
-            environment.domain_id,
-            threads.clone(),
-            deaf.clone(),
-            end,
-        )
-        .map_err(|error| failed("the thread that watches the DDS layer", &error))?;
-        let endpoint_rate = EndpointRateLimit::new(threads, enclave.is_some());
-        // The context and the node have an endpoint each.
-        let turn = endpoint_rate.turn();
-        let context = Context::from_domain_participant(participant.clone())
-            .map_err(|error| failed("the ROS context", &error))?;
-        let node_name = NodeName::new(names.namespace(), names.node())
-            .map_err(|error| failed("the node", &error))?;
-        drop(turn);
-        let turn = endpoint_rate.turn();
-        let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
-        let node = context
-            .new_node(node_name, options)
-            .map_err(|error| failed(&names.fully_qualified(), &error))?;
-        drop(turn);
-        let writers = participant
-            .create_publisher(&Qos::SERVICES.policies())
-            .map_err(|error| failed("the DDS publisher", &error))?;
+        let (deaf, graph) = (watch::Sender::new(None), Graph::new());
         let shutdown = Shutdown::new();
-        let dropped_publishers = DroppedPublishers::new(shutdown.clone());
+        let (middleware, watch, context) = match environment.mapping {
+            ServiceMapping::Enhanced | ServiceMapping::Cyclone => {
+                let Joined { middleware, watch, context } = participant::join(
+                    &names,
+                    &environment,
+                    enclave.as_deref(),
+                    (deaf.clone(), end),
+                    shutdown.clone(),
+                )?;
+                (middleware, watch, Some(context))
+            }
+            #[cfg(feature = "zenoh")]
+            ServiceMapping::Queries => {
+                let changes = Arc::clone(&graph);
+                let node = crate::zenoh::session::open(&names, &environment, move |change| {
+                    use crate::zenoh::discovery::Change;
+                    match change {
+                        Change::Matched { local, remote } => changes.matched(local, remote),
+                        Change::Lost { remote } => changes.lost(remote),
+                    }
+                })?;
+                let watch = node.watch(deaf.clone(), end);
+                let watch =
+                    watch.map_err(|error| failed("the thread that watches Zenoh", &error))?;
+                (Middleware::Zenoh(Box::new(node)), watch, None)
+            }
+            #[cfg(not(feature = "zenoh"))]
+            ServiceMapping::Queries => {
+                return Err(failed("a session of Zenoh", &"this build has no Zenoh"));
+            }
+        };
         let inner = Inner {
             configuration: again,
             names,
             environment,
-            node: Mutex::new(Some(node)),
-            participant: participant.clone(),
-            writers,
-            endpoint_rate,
-            graph: Graph::new(),
+            middleware,
+            graph,
             parameters: Arc::new(LiveParameters::new(parameters)),
             clock: Arc::default(),
             lifecycle: tokio::sync::watch::Sender::new(None),
             shutdown,
             deaf,
-            dropped_publishers,
             tasks: Mutex::default(),
             memory: std::sync::OnceLock::new(),
         };
         let handle = Handle { inner: Arc::new(inner) };
-        handle.spawn("graph", Arc::clone(&handle.inner.graph).follow(participant.clone()));
-        warn_of_too_many_participants(&handle);
+        if let Some(dds) = handle.inner.middleware.dds() {
+            let graph = Arc::clone(&handle.inner.graph);
+            handle.spawn("graph", graph.follow(dds.participant.clone()));
+            warn_of_too_many_participants(dds);
+        }
         serve(&handle, &handle.inner.parameters)?;
         logger_services::serve(&handle, &logs.levels)?;
         type_description::serve(&handle)?;
@@ -133,11 +134,13 @@ impl Session {
     pub(crate) fn start_as_command(configuration: Configuration) -> Result<Self, NodeError> {
         let logger = configuration.names.logger();
         let memory = MemoryBound::usual();
-        let end = EndOfProcess { logger, memory, when_deaf: false };
+        memory.enforce();
+        let exceeded = Box::new(move || memory.exceeded());
+        let end = EndOfProcess { logger, when_deaf: false, exceeded };
         Self::start_ruled(configuration, Some(end))
     }
 
-    /// Restarts the node after its DDS layer has ended: see [`Handle::deaf`].
+    /// Restarts the node after its middleware has ended: see [`Handle::deaf`].
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -145,15 +148,15 @@ impl Session {
         Self::start_as_command(deaf.inner.configuration.clone())
     }
 
-    /// Tears everything down in the order that DDS needs: tasks with their
-    /// endpoints, the node, then the participant. The caller should drop its publishers and
+    /// Tears everything down in the order that the middleware needs: tasks with their
+    /// endpoints, the node, then the participant or session. The caller should drop its publishers and
     /// subscriptions first.
     ///
     /// The last answers get a tenth of a second to be sent, and reliable samples half a
     /// second to be repaired. A deaf node is left as it is.
     pub async fn stop(self) {
         if self.handle.inner.deaf.borrow().is_some() {
-            // Its DDS layer would never finish; the process is about to end.
+            // Its middleware would never finish; the process is about to end.
             std::mem::forget(self);
             return;
         }
@@ -167,24 +170,9 @@ impl Session {
             tracing::warn!("a task does not end; the node stops without it");
         }
         tokio::time::sleep(Duration::from_millis(500)).await;
-        inner.dropped_publishers.clear();
         drop(self.watch);
-        drop(lock(&inner.node).take());
+        inner.middleware.stop();
         drop(self.context);
-    }
-}
-
-fn warn_of_too_many_participants(handle: &Handle) {
-    let id = usize::from(handle.inner.participant.participant_id());
-    let is_local = handle.inner.environment.range != DiscoveryRange::Subnet;
-    if is_local && id >= LOOPBACK_PARTICIPANTS_MAX {
-        tracing::error!(
-            "this is participant {} of ROS_DOMAIN_ID {} on this computer; on the loopback \
-             interface alone the others do not see more than {LOOPBACK_PARTICIPANTS_MAX}: \
-             stop some, or use another domain, or ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
-            id + 1,
-            handle.inner.environment.domain_id
-        );
     }
 }
 
@@ -192,72 +180,6 @@ impl std::fmt::Debug for Session {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_tuple("Session").field(&self.handle).finish()
     }
-}
-
-/// One participant at a time: its sockets and threads are found by comparing before and after.
-static JOINING: Mutex<()> = Mutex::new(());
-
-fn join(
-    environment: &Environment,
-    enclave: Option<&Path>,
-) -> Result<(DomainParticipant, DdsThreads), NodeError> {
-    let _alone = lock(&JOINING);
-    let (before, threads_before) = (open_sockets(), dds_threads());
-    let participant = build(environment, enclave)?;
-    let threads = DdsThreads::since(&threads_before);
-    if environment.range != DiscoveryRange::Subnet {
-        match before.and_then(|before| confine_since(&before)) {
-            Ok(count) => tracing::debug!("{count} sockets are bound to the loopback interface"),
-            Err(error) => {
-                return Err(failed(
-                    "a node that only this computer reaches",
-                    &format_args!(
-                        "its sockets cannot be bound to the loopback interface ({error}); in a \
-                         container allow it with --cap-add SYS_PTRACE, or let other computers \
-                         reach it with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
-                    ),
-                ));
-            }
-        }
-    }
-    Ok((participant, threads))
-}
-
-fn build(
-    environment: &Environment,
-    enclave: Option<&Path>,
-) -> Result<DomainParticipant, NodeError> {
-    let builder = DomainParticipantBuilder::new(environment.domain_id);
-    let builder = match environment.range {
-        DiscoveryRange::Subnet => builder,
-        DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
-        DiscoveryRange::Off => {
-            builder.with_only_networks(std::iter::empty::<Ipv4Addr>()).same_host_loopback(false)
-        }
-    };
-    let builder = match enclave {
-        Some(enclave) => protect(builder, enclave),
-        None => builder,
-    };
-    builder.build().map_err(|error| {
-        failed(&format!("a participant in domain {}", environment.domain_id), &error)
-    })
-}
-
-/// Gives the participant the keys and permissions of its enclave.
-#[cfg(feature = "security")]
-fn protect(builder: DomainParticipantBuilder, enclave: &Path) -> DomainParticipantBuilder {
-    use rustdds::DomainParticipantSecurityConfigFiles;
-    // SROS2 keys have no password: file permissions protect them.
-    let files =
-        DomainParticipantSecurityConfigFiles::with_ros_default_names(enclave, String::new());
-    builder.builtin_security(files)
-}
-
-/// There is no enclave where security is not built in.
-#[cfg(not(feature = "security"))]
-fn protect(builder: DomainParticipantBuilder, _: &Path) -> DomainParticipantBuilder {
-    builder
 }
 
 /// Raises the limit of open files. Each endpoint takes three; a recorder with 300 topics

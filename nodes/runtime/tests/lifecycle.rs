@@ -95,6 +95,7 @@ fn launch(words: &str, domain_id: u16, mapping: ServiceMapping) -> Child {
     let rmw = match mapping {
         ServiceMapping::Enhanced => "rmw_fastrtps_cpp",
         ServiceMapping::Cyclone => "rmw_cyclonedds_cpp",
+        ServiceMapping::Queries => "rmw_zenoh_cpp",
     };
     Command::new(std::env::current_exe().expect("this program"))
         .args(["--exact", "the_node_itself", "--nocapture"])

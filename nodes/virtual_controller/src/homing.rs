@@ -5,10 +5,10 @@
 
 use std::collections::VecDeque;
 
-use crate::axes::{AXES, Vector, limit_along};
+use crate::axes::{AXES, Axes, limit_along};
 use crate::codes::Alarm;
 use crate::motion::{Ramp, next_ramp};
-use crate::plant::Plant;
+use crate::plant::{Plant, SWITCHED_AXES};
 use crate::settings::Settings;
 
 /// The seek covers at most this many times the travel.
@@ -30,7 +30,7 @@ pub(crate) struct Homing {
     /// The passes that are left; the first is in motion.
     passes: VecDeque<Pass>,
     /// Machine position at the start of the pass, mm.
-    from: Vector,
+    from: Axes,
     /// Along the pass, per axis, mm and mm/s.
     done: f64,
     speed: f64,
@@ -49,9 +49,11 @@ struct Pass {
 }
 
 impl Homing {
-    pub(crate) fn new(from: Vector, settings: &Settings) -> Self {
+    pub(crate) fn new(from: Axes, settings: &Settings) -> Self {
         let mut passes = VecDeque::new();
-        for axes in [[false, false, true], [true, true, false]] {
+        for axes in
+            [[false, false, true, false, false, false], [true, true, false, false, false, false]]
+        {
             let travel = settings.max_travel_mm();
             let longest = (0..AXES).filter(|&i| axes[i]).map(|i| travel[i]).fold(0.0, f64::max);
             let unit = axes.map(|active| if active { 1.0 } else { 0.0 });
@@ -73,7 +75,7 @@ impl Homing {
     }
 
     /// Machine position as counted since the start of the cycle, mm.
-    pub(crate) fn position(&self, plant: &Plant, settings: &Settings) -> Vector {
+    pub(crate) fn position(&self, plant: &Plant, settings: &Settings) -> Axes {
         let Some(pass) = self.passes.front() else { return self.from };
         std::array::from_fn(|i| {
             if !pass.axes[i] {
@@ -174,11 +176,13 @@ impl Homing {
     }
 }
 
-/// Returns the position after homing, in machine coordinates, mm.
-pub(crate) fn position_after_homing(settings: &Settings) -> Vector {
+/// Returns the position after homing, in machine coordinates, mm; axes without switches stay where
+/// they are `before`.
+pub(crate) fn position_after_homing(before: Axes, settings: &Settings) -> Axes {
     let travel = settings.max_travel_mm();
     let pull_off = settings.homing_pull_off_mm();
     std::array::from_fn(|i| match settings.homes_negative(i) {
+        _ if i >= SWITCHED_AXES => before[i],
         true => pull_off - travel[i],
         false => -pull_off,
     })

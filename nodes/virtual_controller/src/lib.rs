@@ -32,7 +32,7 @@ mod scenario;
 mod settings;
 mod tolerances;
 
-pub use axes::{AXES, AXIS_LETTERS, Vector};
+pub use axes::{AXES, Axes, AxisLetters, UnknownAxes, Vector};
 pub use codes::ErrorCode;
 pub use controller::{Build, Controller, Drawn};
 pub use counts::Counts;

@@ -5,18 +5,21 @@
 //! `$130`..`$132`). They are wired only when `$21` or `$22` is on, so that a machine without
 //! homing may have its zero anywhere.
 
-use crate::axes::{AXES, Vector};
+use crate::axes::{AXES, Axes};
 use crate::settings::Settings;
 use crate::tolerances::{NEGLIGIBLE_SHARE, SWITCH_MM};
 
 /// Distance from a limit switch to the end of travel, mm.
 const END_STOP_MM: f64 = 0.5;
 
+/// X, Y and Z have limit switches; other axes turn without end.
+pub(crate) const SWITCHED_AXES: usize = 3;
+
 /// Pins and positions.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Plant {
     /// Physical = machine + this, mm.
-    pub(crate) offset: Vector,
+    pub(crate) offset: Axes,
     /// Switches held closed by a fault.
     pub(crate) held: [bool; AXES],
     /// Switches that never close.
@@ -31,11 +34,12 @@ impl Plant {
         settings.hard_limits() || settings.homing_enabled()
     }
 
-    pub(crate) fn pressed(&self, machine: Vector, settings: &Settings) -> [bool; AXES] {
+    pub(crate) fn pressed(&self, machine: Axes, settings: &Settings) -> [bool; AXES] {
         let travel = settings.max_travel_mm();
         std::array::from_fn(|i| {
             let physical = machine[i] + self.offset[i];
-            let beyond = physical > SWITCH_MM || physical < -travel[i] - SWITCH_MM;
+            let beyond =
+                i < SWITCHED_AXES && (physical > SWITCH_MM || physical < -travel[i] - SWITCH_MM);
             self.held[i] || (beyond && !self.dead[i] && Self::has_switches(settings))
         })
     }
@@ -43,15 +47,15 @@ impl Plant {
     /// Returns the distance along `unit` from `machine` to the next switch, mm.
     pub(crate) fn distance_to_switch(
         &self,
-        machine: Vector,
-        unit: Vector,
+        machine: Axes,
+        unit: Axes,
         settings: &Settings,
     ) -> Option<f64> {
         if !Self::has_switches(settings) {
             return None;
         }
         let travel = settings.max_travel_mm();
-        (0..AXES)
+        (0..SWITCHED_AXES)
             .filter(|&i| unit[i].abs() > NEGLIGIBLE_SHARE && !self.dead[i])
             .filter_map(|i| {
                 let physical = machine[i] + self.offset[i];
@@ -86,23 +90,23 @@ impl Plant {
     }
 
     /// Undoes the steps that the controller counted while an axis was against its end stop.
-    pub(crate) fn stop_at_ends(&mut self, machine: Vector, settings: &Settings) {
+    pub(crate) fn stop_at_ends(&mut self, machine: Axes, settings: &Settings) {
         if !Self::has_switches(settings) {
             return;
         }
         let travel = settings.max_travel_mm();
-        for i in 0..AXES {
+        for i in 0..SWITCHED_AXES {
             let physical = machine[i] + self.offset[i];
             self.offset[i] += physical.clamp(-travel[i] - END_STOP_MM, END_STOP_MM) - physical;
         }
     }
 
-    pub(crate) fn touches_probe(&self, machine: Vector) -> bool {
+    pub(crate) fn touches_probe(&self, machine: Axes) -> bool {
         self.probe_surface_z.is_some_and(|z| machine[2] + self.offset[2] <= z)
     }
 
     /// Returns the distance along `unit` to where the probe pin changes, mm.
-    pub(crate) fn distance_to_probe_change(&self, machine: Vector, unit: Vector) -> Option<f64> {
+    pub(crate) fn distance_to_probe_change(&self, machine: Axes, unit: Axes) -> Option<f64> {
         let z = self.probe_surface_z?;
         let distance = (z - machine[2] - self.offset[2]) / unit[2];
         (unit[2].abs() > NEGLIGIBLE_SHARE && distance >= 0.0).then_some(distance)

@@ -344,6 +344,7 @@ proptest! {
         let build = Build {
             probe_surface_z_mm: Some(-5.0),
             has_mist: true,
+            echoes_lines: false,
             has_line_numbers: true,
             ..Build::new(settings)
         };

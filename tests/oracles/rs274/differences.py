@@ -12,7 +12,7 @@ DIFFERENCES = [
      "M100 to M199 are passed on; LinuxCNC looks for a file of that name"),
     (r"^tool lengths", "Kerf refuses", r"length along X or Y|two lengths of the tool table",
      "boards take one length along Z, and the loader has no tool table to add two of its lengths"),
-    (r"ncfiles/offsets", "differ", r"######",
+    (r"ncfiles/(offsets|roparams)", "differ", r"######",
      "a message shows ###### for a value that only the machine knows"),
     (r"^tool table", "Kerf refuses", r"G59.3, which only the machine knows",
      "G10 L11 needs an offset of the controller"),

@@ -838,11 +838,40 @@ def probes(program, rng):
     program.add("G0 X0 Y0 Z10", f"G38.{rng.randint(2, 5)} Z-5 F50", "G0 Z10", "G0 X5")
 
 
-@feature("rotary axes", 60)
+def degrees(rng):
+    return str(rng.choice([rng.randint(-720, 720), round(rng.uniform(-360.0, 360.0), 3)]))
+
+
+def turned(rng, letters="ABC"):
+    return axis_words(rng, letters, degrees)
+
+
+@feature("rotary axes", 200)
 def rotary(program, rng):
-    for _ in range(4):
-        program.add(f"G{rng.randint(0, 1)} X{mm(rng)} A{rng.randint(0, 360)}"
-                    + (f" B{rng.randint(0, 90)} C{rng.randint(0, 90)}" if rng.random() < 0.4 else ""))
+    program.scales = False
+    program.add("G0 X0 Y0 Z0 A0 B0 C0", f"F{rng.randint(1, 90)}0")
+    for _ in range(rng.randint(4, 10)):
+        program.add(rng.choice([
+            f"G{rng.randint(0, 1)} {axis_words(rng)} {turned(rng)}",
+            f"G{rng.randint(0, 1)} {turned(rng)}", turned(rng), axis_words(rng),
+            f"G1 {axis_words(rng, 'XYZ')} {turned(rng)} F{rng.randint(1, 90)}0",
+            f"G91 {turned(rng)} {axis_words(rng)}\nG90", f"G92 {turned(rng)}", "G92.1",
+            f"G52 {turned(rng)}", "G20", "G21",
+            f"G93 G1 {turned(rng)} F{rng.randint(1, 9)}\nG94 F{rng.randint(1, 90)}0",
+            f"G93 G1 {axis_words(rng)} {turned(rng)} F{rng.randint(1, 9)}\nG94 F{rng.randint(1, 90)}0"]))
+
+
+@feature("rotary axes and offsets", 100)
+def rotary_offsets(program, rng):
+    program.scales = False
+    program.add("G0 X0 Y0 Z0 A0 B0 C0", f"F{rng.randint(1, 90)}0")
+    for _ in range(rng.randint(2, 5)):
+        system = rng.randint(1, 3)
+        program.add(rng.choice([
+            f"G10 L2 P{system} {turned(rng)} {axis_words(rng)}", f"G10 L2 P{system} {turned(rng)}",
+            f"G{53 + system}", f"G53 G0 {turned(rng)}"]))
+        program.add(f"G90 G0 X1 Y2 Z3 A{degrees(rng)} B{degrees(rng)} C{degrees(rng)}",
+                    f"G1 {axis_words(rng)} {turned(rng)}")
 
 
 # Machine functions

@@ -45,6 +45,10 @@ class Reader:
         self.is_compensated = False
         # Axes whose place in the work system is not known, and places that the program stores.
         self.lost, self.stored = set(), set()
+        self.at = (0.0, 0.0, 0.0)
+        # A, B and C; `None` where Kerf does not know them. Those that wait for their motion.
+        self.rotary = [0.0, 0.0, 0.0]
+        self.along = {}
 
     def read(self, elements, events):
         number = 0
@@ -67,10 +71,14 @@ class Reader:
         kind = "rapid" if it["rapid"] else "line" if it["kind"] == "line" else "arc"
         start, end = self.lengths(it["start"]), self.lengths(it["end"])
         feed = it["feed_mm_per_min"]
+        self.at = end
+        turned = self.turn(self.along)
+        self.along = {}
         # Known again where the next move of the axis ends.
         self.lost -= {axis for axis, a, b in zip("XYZ", start, end) if a != b}
         move = Move(kind, start, end, replace(self.state), f"line {it['line']}",
-                    feed and feed / self.size, rotary=it.get("rotary"), unknown="".join(self.lost))
+                    feed and feed / self.size, rotary=tuple(self.rotary), turned=turned,
+                    unknown="".join(self.lost))
         if it["kind"] == "arc":
             one, two = PLANES[it["plane"]]
             is_full = abs(start[one] - end[one]) < 1e-9 and abs(start[two] - end[two]) < 1e-9
@@ -79,6 +87,30 @@ class Reader:
             move.kind, move.plane, move.center = "arc", it["plane"], (center[one], center[two])
             move.rotation = -turns if it["clockwise"] else turns
         self.items.append(move)
+
+    def turn(self, axes):
+        """Whether it moves one of them."""
+        before = list(self.rotary)
+        for n, axis in enumerate("ABC"):
+            self.rotary[n] = axes.get(axis, self.rotary[n])
+        return before != self.rotary
+
+    def axes(self, event, text):
+        """A, B and C, with the next motion or function, or alone."""
+        self.along = event["axes"]
+        match = re.match(r"G([01]) .*?(?: F([-\d.e]+))?$", text)
+        if match:
+            turned = self.turn(self.along)
+            self.along = {}
+            kind, feed = ("line", float(match[2])) if match[1] == "1" else ("rapid", None)
+            self.items.append(Move(kind, self.at, self.at, replace(self.state),
+                                   f"line {event['line']}", feed, rotary=tuple(self.rotary),
+                                   turned=turned, unknown="".join(self.lost)))
+
+    def forget_along(self):
+        """The axes of this block are somewhere else, or in another frame."""
+        self.turn(dict.fromkeys(self.along))
+        self.along = {}
 
     def add(self, kind, event, value=None):
         self.items.append(Event(kind, replace(self.state), f"line {event['line']}", value))
@@ -95,7 +127,9 @@ class Reader:
     def event(self, event):
         text, state, kind = event["text"], self.state, event["kind"]
         where = f"line {event['line']}"
-        if kind == "message":
+        if kind == "axes":
+            self.axes(event, text)
+        elif kind == "message":
             self.message(event, text.removeprefix("(MSG, ").removesuffix(")"))
         elif match := re.fullmatch(r"S([-\d.e]+)", text):
             state.speed = float(match[1])
@@ -116,6 +150,7 @@ class Reader:
             system = int(match[1]) - 3 + int(match[2] or 0)
             if system != state.system:
                 self.lost = set("XYZ")
+                self.rotary = [None] * 3
             state.system = system
         elif match := re.fullmatch(r"G4 P([-\d.e]+)", text):
             self.add("dwell", event, float(match[1]))
@@ -136,7 +171,14 @@ class Reader:
         elif re.match(r"G10 L(2|20) ", text):
             # What the offsets are shows in the moves in machine coordinates.
             self.lost = set("XYZ")
+            self.forget_along()
+        elif text == "G53 G0":
+            # Other axes alone.
+            self.forget_along()
+            self.items.append(Move("rapid", self.at, self.at, replace(state), where, turned=True,
+                                   rotary=tuple(self.rotary), unknown="".join(self.lost)))
         elif match := re.fullmatch(r"G53 G([01])((?: [XYZ][-\d.e]+)+)", text):
+            self.forget_along()
             words = {it[0]: float(it[1:]) / self.size for it in match[2].split()}
             self.lost |= set(words)
             self.items.append(Move("line" if match[1] == "1" else "rapid", (0.0,) * 3, (0.0,) * 3,

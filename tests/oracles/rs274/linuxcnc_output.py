@@ -37,7 +37,8 @@ class Reader:
         self.feed_unit = 1.0
         self.is_per_revolution = self.is_synchronised = False
         self.is_changing = False
-        self.rotary = (0.0, 0.0, 0.0)
+        # In the work system, with what G92 adds.
+        self.rotary = self.g92_rotary = (0.0, 0.0, 0.0)
 
     def read(self, text):
         """The items of the whole output."""
@@ -99,8 +100,11 @@ class Reader:
         end = self.work()
         feed, allowed_feed = None, 0.0
         if kind in ("line", "arc") and not self.is_synchronised:
-            unit = self.feed_unit * (self.state.speed if self.is_per_revolution else 1.0)
+            # Degrees are no lengths.
+            only_turns = kind == "line" and math.dist(start, end) <= 2.0 * self.allowed_mm
+            unit = 1.0 if only_turns else self.feed_unit * (self.state.speed if self.is_per_revolution else 1.0)
             feed, allowed_feed = self.feed * unit / self.size, 0.505e-4 * unit / self.size
+        rotary = tuple(at + g92 for at, g92 in zip(rotary, self.g92_rotary))
         turned = any(abs(a - b) > 1e-4 for a, b in zip(rotary, self.rotary))
         self.rotary = tuple(rotary)
         self.items.append(Move(
@@ -119,7 +123,8 @@ class Reader:
         self.state.system = int(index)
 
     def on_set_g92_offset(self, arguments):
-        self.g92 = self.lengths(self.numbers(arguments)[:3])
+        numbers = self.numbers(arguments)
+        self.g92, self.g92_rotary = self.lengths(numbers[:3]), tuple(numbers[3:6])
 
     def on_set_xy_rotation(self, arguments):
         self.rotation = math.radians(self.numbers(arguments)[0])
@@ -162,7 +167,7 @@ class Reader:
 
     def straight(self, kind, arguments):
         numbers = self.numbers(arguments)
-        self.add(kind, self.lengths(numbers[:3]), numbers[3:6] or self.rotary)
+        self.add(kind, self.lengths(numbers[:3]), numbers[3:6])
 
     def on_arc_feed(self, arguments):
         numbers = self.numbers(arguments)

@@ -179,6 +179,7 @@ def apart(a, b):
         if not abs(a.feed - b.feed) <= a.allowed_feed + 1e-9 * abs(a.feed) + 1e-6:
             return "another feed"
     if b.rotary is not None and a.rotary is not None:
-        if any(abs(x - y) > 1e-4 for x, y in zip(a.rotary, b.rotary)):
+        pairs = zip(a.rotary, b.rotary)
+        if any(y is not None and abs(x - y) > 1.1e-4 for x, y in pairs):
             return f"turned to {b.rotary}, not {a.rotary}"
     return None

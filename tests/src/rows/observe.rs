@@ -329,7 +329,7 @@ const fn blank() -> PathElement {
         role: Role::None,
         side: None,
         axes: cnc_msgs::geometry::AxisSet::NONE,
-        source: cnc_msgs::contour::Source { line: 0, block: None, column: 0, length: 0 },
+        source: cnc_msgs::contour::Source { line: 0, block: None, column: 0, length: 0, call: 0 },
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) fn observe(
     path: &CompensatedPath,
     line: u32,
 ) {
-    let start = match compensation_planner::start(contour, profile, path, line) {
+    let start = match compensation_planner::start(contour, profile, path, line, 0) {
         Ok(start) => start,
         Err(refused) => {
             let mut start_object = finding(&refused.finding);
@@ -53,7 +53,7 @@ fn sent(
     let config = EncoderConfig { approach_z_mm: Some(APPROACH_Z_MM), ..EncoderConfig::default() };
     let path = Arc::new(path.clone());
     let (mut encoder, first) =
-        start_at(path, config, line, start.in_span).map_err(|problem| problem.to_string())?;
+        start_at(path, config, (line, 0), start.in_span).map_err(|problem| problem.to_string())?;
     assert_eq!(first, start.entry.element, "planner and driver begin at different elements");
     let mut lines = Vec::new();
     let mut is_cutting = false;

@@ -181,6 +181,7 @@ impl Shell {
             revision: 0,
             path: Arc::new(zigzag(count)),
             start_line: 0,
+            occurrence: 0,
             in_span: Default::default(),
             check_only: false,
             tool_diameters_mm: Default::default(),

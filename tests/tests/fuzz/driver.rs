@@ -261,6 +261,7 @@ impl Bench {
                     revision: revision as u64,
                     path: self.paths[revision].clone(),
                     start_line: if random.once_in(6) { random.below(70) as u32 } else { 0 },
+                    occurrence: 0,
                     in_span: *random.of(&[
                         StartInSpan::Refused,
                         StartInSpan::Standing,

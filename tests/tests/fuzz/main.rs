@@ -118,6 +118,16 @@ fn random_bytes_are_no_program_and_no_trouble() {
 }
 
 #[test]
+fn programs_that_call_others_are_loaded_and_planned_or_refused_at_a_place() {
+    let profiles = ["nct", "masso", "sinumerik_840c"].map(programs::profile);
+    let mut accepted = 0_u64;
+    let cases = fuzz("calls", 3000, |random| {
+        accepted += u64::from(programs::check_calls(&profiles, random));
+    });
+    assert!(accepted * 100 > cases, "{accepted} of {cases} were accepted: too few for a statement");
+}
+
+#[test]
 fn programs_of_the_rs274_language_are_loaded_and_planned_or_refused_at_a_place() {
     let rs274 = settings::load_profile("rs274").expect("a shipped profile");
     fuzz("language", 3000, |random| programs::check_language(&rs274, random));

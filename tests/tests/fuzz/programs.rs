@@ -14,6 +14,7 @@ use compensation_planner::{Plan, plan, plan_certified};
 use kerf_tests::root;
 use kerf_tests::rows::IN_ORDER;
 use program_loader::limits::FlowLimits;
+use program_loader::subroutines::with_subroutines;
 use program_loader::{LoadOptions, load};
 
 /// Programs to begin with, each with the profile of its control.
@@ -191,6 +192,62 @@ pub(crate) fn check_language(rs274: &Profile, random: &mut Random) {
     loaded_and_planned(text.as_bytes(), rs274, random);
 }
 
+/// A text of the words of controls that call programs by their number, in any order, with files.
+pub(crate) fn check_calls(profiles: &[Profile], random: &mut Random) -> bool {
+    const PIECES: &[&str] = &[
+        "O1\n",
+        "O2 (SUB)\n",
+        "O02 G0 X1\n",
+        "%O1\n",
+        "%O3 (NAME)\n",
+        "%SPF1\n",
+        "%spf 2 LF\n",
+        "%MPF7\n",
+        "%\n",
+        "M98 P1\n",
+        "M98 P2 L3\n",
+        "M98 P9 L0\n",
+        "G1 X5 F100 M98 P2\n",
+        "M99\n",
+        "M99 P10\n",
+        "L1\n",
+        "N10 L2 P3 LF\n",
+        "L1 X3\n",
+        "G0 X1 M17\n",
+        "R1=5\n",
+        "R2=R1*2-R3\n",
+        "R1=R1+1 L2\n",
+        "G1 X=R1 Y=-R2 F100\n",
+        "M17\n",
+        "M30\n",
+        "M2\n",
+        "G41 D1 G1 X10 Y0 F100\n",
+        "G41 P2\n",
+        "G1 X20 Y0 F100\n",
+        "X30 Y10\n",
+        "G40 X40 Y20\n",
+        "G2 X10 Y0 I5 J0\n",
+        "G91\n",
+        "G90 ",
+        "/",
+        "N10 ",
+        "(x)\n",
+        "T1 M6\n",
+        "G0 X0 Y0 Z5\n",
+    ];
+    let mut piece = || (0..random.below(12)).map(|_| *random.of(PIECES)).collect::<String>();
+    let (mut text, file) = (piece(), piece());
+    if random.once_in(2) {
+        // One that runs.
+        text = format!("M98 P1\nL1\nM30\n{text}");
+    }
+    let profile = random.of(profiles).clone();
+    let text = with_subroutines(text.into_bytes(), &profile, |name| {
+        name.starts_with('1').then(|| file.clone().into_bytes())
+    });
+    loaded_and_planned(&text, &profile, random)
+}
+
 fn loaded_and_planned(text: &[u8], profile: &Profile, random: &mut Random) -> bool {
     let shown = || format!("{}\n{}", profile.name, String::from_utf8_lossy(text));
     let options = LoadOptions {
@@ -198,7 +255,7 @@ fn loaded_and_planned(text: &[u8], profile: &Profile, random: &mut Random) -> bo
         block_delete: random.once_in(2),
         is_single_block: random.once_in(10),
         // Loops without an end are found sooner.
-        flow: FlowLimits { blocks_max: 2000, depth_max: 10 },
+        flow: FlowLimits { blocks_max: 2000, depth_max: 10, ..FlowLimits::default() },
     };
     let loaded = load(text, profile, &options);
     check_places(&loaded.findings, loaded.line_count, &shown());

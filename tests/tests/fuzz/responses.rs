@@ -226,7 +226,9 @@ fn receive(bytes: &[u8], random: &mut Random) -> Received {
                 LinkEvent::Message(axis_driver::report::Message::Text(text)) => {
                     received.texts.push(text);
                 }
-                LinkEvent::Fault(LinkFault::Damaged { .. }) => received.faults += 1,
+                LinkEvent::Fault(LinkFault::Damaged { .. } | LinkFault::ReadOtherwise { .. }) => {
+                    received.faults += 1;
+                }
                 LinkEvent::Fault(fault) => panic!("{fault} in {}", bytes.escape_ascii()),
                 LinkEvent::Banner { .. } => received.banners += 1,
                 _ => {}

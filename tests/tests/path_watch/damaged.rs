@@ -13,7 +13,7 @@ use virtual_controller::Firmware;
 const EVERY: Duration = Duration::from_millis(4);
 /// Farther away is off the path, mm: what the watch lets pass on this machine (250 steps/mm,
 /// `$12` 0.002 mm), and the chords of [`Certified`].
-const OFF_MM: f64 = 0.06;
+pub(crate) const OFF_MM: f64 = 0.06;
 /// The longest that the tool is off before the hold is written: the interval of reports while many
 /// lines are answered (160 ms), the way of the request and of the report behind other answers.
 const HELD_WITHIN_S: f64 = 0.2;
@@ -37,7 +37,7 @@ struct Tally {
 }
 
 /// Damages one of the lines that are written; `None` where there is none among the bytes.
-fn spoil(bytes: &[u8], random: &mut Random) -> Option<Vec<u8>> {
+pub(crate) fn spoil(bytes: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let is_of_a_line = |index: &usize| bytes[*index] != b'?' && bytes[*index] != b'!';
     let places: Vec<usize> = (0..bytes.len()).filter(is_of_a_line).collect();
     let digits: Vec<usize> =

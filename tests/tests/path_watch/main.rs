@@ -4,6 +4,7 @@
 
 mod certified;
 mod damaged;
+mod echo;
 mod named;
 mod parts;
 mod sound;

@@ -48,7 +48,12 @@ pub(crate) fn router(firmware: Firmware, lines: &[&str], config: DriverConfig) -
     for line in lines {
         settings.set_line(line).expect("a setting of this firmware");
     }
-    let build = Build { start_in_machine: Some(START), ..Build::new(settings) };
+    built(Build::new(settings), config)
+}
+
+/// The same with a build of the firmware.
+pub(crate) fn built(build: Build, config: DriverConfig) -> Line {
+    let build = Build { start_in_machine: Some(START), ..build };
     let mut line = Line::new(config, build, &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
     let zero =

@@ -6,6 +6,7 @@
 pub(super) mod board;
 pub(super) mod commander;
 pub(super) mod config;
+pub(super) mod further;
 pub(super) mod hold;
 pub(super) mod limits;
 pub(super) mod machine;

@@ -43,6 +43,9 @@ pub struct RunResult {
     /// The source line of the block that the controller refused or stopped at, 0 when no
     /// block is to blame.
     pub blamed_line: u32,
+    /// Which time the last line is run, from 1; 0: the only one.
+    #[serde(default)]
+    pub last_occurrence: u32,
 }
 
 /// How a jog or a probe ended.

@@ -98,6 +98,7 @@ impl Driver {
             message: format!("{message} (while the tool was changed)"),
             last_line: job.line(),
             blamed_line: 0,
+            last_occurrence: job.occurrence(),
         }));
     }
 

@@ -7,7 +7,7 @@ use super::manual::configure::{Configuration, configure};
 use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
 use super::run::ProgramRun;
 use super::run::exit::RunVerdict;
-use super::run::proof::{Check, Proof};
+use super::run::proof::{Check, Descent, Proof, beginning_of};
 use super::run::replan::ReplanRequest;
 use super::run::request::RunRequest;
 use super::run::tool_change::check_block;
@@ -38,7 +38,12 @@ impl Driver {
             return Some(Err(refusal));
         }
         let config = self.context.encoder_config();
-        let started = start_at(request.path.clone(), config, request.start_line, request.in_span);
+        let started = start_at(
+            request.path.clone(),
+            config,
+            (request.start_line, request.occurrence),
+            request.in_span,
+        );
         let (encoder, first_element) = match started {
             Ok(started) => started,
             Err(StartProblem::Encode(problem)) => {
@@ -57,7 +62,15 @@ impl Driver {
         let time = CycleTime::new(&limits, &request.path, first_element, start);
         let proof = Proof::new(encoder.clone(), time.clone(), workplace);
         if is_only_encoded {
-            self.check = Some(Check { id, path: request.path, proof });
+            let (path, in_span) = (&request.path, request.in_span);
+            let is_in_span = first_element > 0 && path.begins_in_span(first_element);
+            let is_lifted = config.approach_z_mm.is_some();
+            let descent = Descent::of(is_lifted, is_in_span, in_span);
+            let beginning = match first_element {
+                0 => String::new(),
+                _ => beginning_of(encoder, descent),
+            };
+            self.check = Some(Check { id, path: request.path, proof, beginning });
             return None;
         }
         let mut run = ProgramRun::new(id, request, encoder, first_element, proof, time, machine);

@@ -166,6 +166,7 @@ impl Driver {
             _ => panic!("only a run can end"),
         };
         let (last_line, blamed_line) = (job.line(), job.blamed_line);
+        let last_occurrence = job.occurrence();
         match verdict.outcome {
             RunOutcome::Succeeded => {
                 if let Some(paused) = &mut self.paused {
@@ -185,7 +186,8 @@ impl Driver {
         }
         let RunVerdict { outcome, error_code, message } = verdict;
         let id = job.id;
-        let result = RunResult { id, outcome, error_code, message, last_line, blamed_line };
+        let result =
+            RunResult { id, outcome, error_code, message, last_line, blamed_line, last_occurrence };
         self.context.outputs.push_back(Output::RunFinished(result));
     }
 }

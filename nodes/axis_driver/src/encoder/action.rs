@@ -7,6 +7,7 @@ use super::{
 };
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Source, work_system};
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::path::{PathEvent, Role};
 
@@ -21,8 +22,13 @@ impl Encoder {
             return Ok(());
         }
         self.refuse_after_end(&event.action.text())?;
-        if !matches!(event.action, Action::SelectTool { .. }) {
+        let goes_along =
+            matches!(event.action, Action::Further(FurtherMove { mode: FurtherMode::Along, .. }));
+        if !goes_along && !matches!(event.action, Action::SelectTool { .. }) {
             self.push_speed()?;
+        }
+        if !matches!(event.action, Action::MachineMove { .. } | Action::SetWorkOffset { .. }) {
+            self.refuse_held_further()?;
         }
         match event.action {
             Action::SpindleSpeed { rpm } => {
@@ -66,6 +72,7 @@ impl Encoder {
             Action::WorkOffset { system } => {
                 check_work_system(system)?;
                 self.modal.forget(AxisSet::ALL, &event.action.text());
+                self.modal.further_at = FurtherAxes::NONE;
                 self.modal.work_system = system;
                 self.push_action(work_system(system), LineKind::Motion, true, source)
             }
@@ -91,6 +98,7 @@ impl Encoder {
             Action::SetWorkOffset { system, axes, origin, by_position } => {
                 self.encode_work_offset(system, axes, origin, by_position, source)
             }
+            Action::Further(further) => self.encode_further(further, source),
             Action::StoreReference { second } => {
                 let text = if second { "G30.1" } else { "G28.1" };
                 // The firmware writes it to its memory, and hears nothing meanwhile.
@@ -164,11 +172,17 @@ impl Encoder {
         source: Source,
     ) -> Result<(), EncodeProblem> {
         check_work_system(system)?;
+        let further = self.take_further(source)?;
         let mut text = format!("G10L{}P{system}", if by_position { 20 } else { 2 });
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
             let steps = self.checked_position(AXIS_LETTERS[axis], origin[axis])?;
             write_word(&mut text, AXIS_LETTERS[axis], steps);
         }
+        if axes.is_empty() && further.is_empty() {
+            return Ok(());
+        }
+        self.write_further(&mut text, further);
+        self.forget_further(further);
         if let Some(stored) = self.config.board.work_offsets.get_mut(usize::from(system) - 1)
             && !by_position
         {
@@ -221,14 +235,20 @@ impl Encoder {
         feed: Option<f64>,
         source: Source,
     ) -> Result<(), EncodeProblem> {
+        let further = self.take_further(source)?;
+        if !further.is_empty() && feed.is_some() {
+            return Err(EncodeProblem::UnknownRate { words: further.words().trim().to_owned() });
+        }
         let mut text = String::from(if feed.is_none() { "G53G0" } else { "G53G1" });
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
             let steps = self.checked_position(AXIS_LETTERS[axis], target[axis])?;
             write_word(&mut text, AXIS_LETTERS[axis], steps);
         }
-        if axes.is_empty() {
+        if axes.is_empty() && further.is_empty() {
             return Ok(());
         }
+        self.write_further(&mut text, further);
+        self.forget_further(further);
         self.write_feed(&mut text, feed)?;
         self.modal.motion = Some(u8::from(feed.is_some()));
         self.modal.forget(axes, "G53");

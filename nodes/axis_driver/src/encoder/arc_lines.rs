@@ -3,6 +3,7 @@
 use super::arc::{self, Part, Piece, Undrawable};
 use super::words::{to_grid, write_word};
 use super::{EncodeProblem, Encoder, axis_words};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::PathElement;
 
@@ -59,7 +60,9 @@ impl Encoder {
         })?;
         for piece in pieces {
             match piece {
-                Piece::Line { end } => self.encode_line(index, &element, from, end)?,
+                Piece::Line { end } => {
+                    self.encode_line(index, &element, from, end, FurtherAxes::NONE)?
+                }
                 Piece::Arc { end } => self.encode_arc_piece(index, &element, from, end, &arc)?,
             }
             from = piece.end();

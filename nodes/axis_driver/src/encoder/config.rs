@@ -1,6 +1,7 @@
 //! What a controller takes, as far as lines depend on it.
 
-use cnc_msgs::geometry::Position;
+use cnc_msgs::further::FURTHER_LETTERS;
+use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use serde::{Deserialize, Serialize};
 
 /// What the controller takes.
@@ -45,12 +46,35 @@ pub struct Board {
     pub is_laser: bool,
     /// G54 to G59, each with G92, in the machine frame, mm; zero where unknown.
     pub work_offsets: [Position; 6],
+    /// The axes that it has besides X, Y and Z, as the bits of
+    /// [`FurtherAxes`](cnc_msgs::further::FurtherAxes).
+    #[serde(default)]
+    pub further_axes: u8,
+}
+
+impl Board {
+    /// Whether it has the further axis of this index.
+    pub const fn has_further(&self, axis: usize) -> bool {
+        self.further_axes >> axis & 1 == 1
+    }
+
+    /// The letters of all its axes: `X Y Z A`.
+    pub fn axis_letters(&self) -> String {
+        let further = (0..FURTHER_LETTERS.len()).filter(|&axis| self.has_further(axis));
+        let letters = AXIS_LETTERS.into_iter().chain(further.map(|axis| FURTHER_LETTERS[axis]));
+        letters.map(String::from).collect::<Vec<_>>().join(" ")
+    }
 }
 
 impl Default for Board {
     fn default() -> Self {
         // As grbl is delivered.
-        Self { arc_tolerance_mm: 0.002, is_laser: false, work_offsets: [[0.0; 3]; 6] }
+        Self {
+            arc_tolerance_mm: 0.002,
+            is_laser: false,
+            work_offsets: [[0.0; 3]; 6],
+            further_axes: 0,
+        }
     }
 }
 

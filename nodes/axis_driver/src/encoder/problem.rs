@@ -2,14 +2,27 @@
 
 use cnc_msgs::contour::{Source, work_system};
 use cnc_msgs::geometry::Position;
+use cnc_msgs::path::CompensatedPath;
 
 /// Why a path cannot be sent to this controller.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("line {}: {problem}", source_place.line)]
+#[error("line {}{calls}: {problem}", source_place.line)]
 pub struct EncodeError {
     /// The place in the part program.
     pub source_place: Source,
+    /// What follows the line in a message: the calls and passes that led to it.
+    pub calls: String,
     pub problem: EncodeProblem,
+}
+
+impl EncodeError {
+    pub(super) fn new(
+        path: &CompensatedPath,
+        source_place: Source,
+        problem: EncodeProblem,
+    ) -> Self {
+        Self { source_place, calls: path.calls.after(source_place), problem }
+    }
 }
 
 /// What is wrong; lengths in mm.
@@ -43,6 +56,19 @@ pub enum EncodeProblem {
     UnknownStart { axes: String, since: String },
     #[error("{} is not supported: the driver knows the offsets of G54 to G59", work_system(*system))]
     WorkOffset { system: u8 },
+    #[error(
+        "the program moves {letter}, and this controller has no axis {letter}: its axes are {axes}"
+    )]
+    NoAxis { letter: char, axes: String },
+    #[error(
+        "{letter}{value} is not between -{max} and {max} degrees: the controller's 32 bit numbers \
+         would be too far apart; count from 0 again with G92"
+    )]
+    Turns { letter: char, value: f64, max: f64 },
+    #[error("{words} moves with a motion of its block, and the path has none there")]
+    NoMotion { words: String },
+    #[error("how fast {words} moves depends on where the axes are, which is not known here")]
+    UnknownRate { words: String },
     #[error("this controller has no {word}")]
     Unsupported { word: String },
     #[error("{word} comes after the end of the program in line {end}")]

@@ -17,9 +17,10 @@
 
 use super::{EncodeError, Encoder, EncoderConfig};
 use cnc_msgs::contour::Action;
+use cnc_msgs::further::{FurtherAxes, FurtherMove};
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::{
-    CompensatedPath, PastEnd, PathElement, PathEvent, Role, StartInSpan, in_force,
+    CompensatedPath, NoEntry, PathElement, PathEvent, Role, StartInSpan, in_force,
 };
 use std::sync::Arc;
 
@@ -28,8 +29,8 @@ const Z: AxisSet = AxisSet::from_bits(0b100);
 /// Why a run cannot begin at a line.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StartProblem {
-    #[error(transparent)]
-    PastEnd(#[from] PastEnd),
+    #[error("{}", no_entry(.0))]
+    NoEntry(#[from] NoEntry),
     #[error(
         "line {line} is under cutter compensation: the nearest lines to begin at are {}",
         nearest(*.before, *.after)
@@ -47,24 +48,30 @@ pub enum StartProblem {
     UnknownPlace { line: u32, axes: String, since: String },
     #[error("line {line} comes after {word}, which stores where the tool is: begin before it")]
     StoredPosition { line: u32, word: String },
+    #[error(
+        "line {line} comes after {letters} moves in line {moved}, and a start in the middle does \
+         not move {letters} there: begin at line {moved} or before it"
+    )]
+    FurtherAxes { line: u32, letters: String, moved: u32 },
     #[error(transparent)]
-    Encode(#[from] EncodeError),
+    Encode(Box<EncodeError>),
 }
 
-/// An encoder that begins with the first element of `line` or after it, and the
-/// index of that element. Lines 0 and 1 are the whole program. `in_span` is what the
-/// control of the program says of a start under compensation.
+/// An encoder that begins with the first element of `line` or after it, the time `occurrence` that it
+/// is run (0: the only one), and the index of that element. Lines 0 and 1 are the whole program, unless a
+/// later time is asked for.
+/// `in_span` is what the control of the program says of a start under compensation.
 pub fn start_at(
     path: Arc<CompensatedPath>,
     config: EncoderConfig,
-    line: u32,
+    (line, occurrence): (u32, u32),
     in_span: StartInSpan,
 ) -> Result<(Encoder, usize), StartProblem> {
     let mut encoder = Encoder::new(path.clone(), config);
-    if line <= 1 {
+    if line <= 1 && occurrence <= 1 {
         return Ok((encoder, 0));
     }
-    let entry = path.entry(line)?;
+    let entry = path.entry(line, occurrence)?;
     let index = entry.element;
     let is_in_span = path.begins_in_span(index);
     if is_in_span && in_span == StartInSpan::Refused {
@@ -78,7 +85,8 @@ pub fn start_at(
     }
     encoder.next_element = index;
     encoder.next_event = entry.event;
-    let restored = restored(&path.events[..encoder.next_event], line)?;
+    let is_left_out = |axes: FurtherAxes| axes.iter().all(|(axis, _)| encoder.leaves_out(axis));
+    let restored = restored(&path.events[..encoder.next_event], line, is_left_out)?;
     let source_place = path.elements[index].source;
     // Before the first motion the tool is wherever the path expects it, as for the whole.
     let place = match index {
@@ -115,16 +123,26 @@ pub fn start_at(
             encoder.push_restored(&restored)
         }
     };
-    pushed.map_err(|problem| StartProblem::Encode(EncodeError { source_place, problem }))?;
+    pushed.map_err(|problem| {
+        StartProblem::Encode(Box::new(EncodeError::new(&path, source_place, problem)))
+    })?;
     Ok((encoder, index))
 }
 
 /// The words before a line that are sent again: work offsets that the controller is to store, then
 /// those in force.
-fn restored(events: &[PathEvent], line: u32) -> Result<Vec<PathEvent>, StartProblem> {
+fn restored(
+    events: &[PathEvent],
+    line: u32,
+    is_left_out: impl Fn(FurtherAxes) -> bool,
+) -> Result<Vec<PathEvent>, StartProblem> {
     let mut restored = Vec::new();
     for event in events {
         match event.action {
+            Action::Further(FurtherMove { axes, .. }) if !is_left_out(axes) => {
+                let (letters, moved) = (axes.letters(), event.source.line);
+                return Err(StartProblem::FurtherAxes { line, letters, moved });
+            }
             Action::SetWorkOffset { by_position: false, .. } => restored.push(*event),
             Action::SetWorkOffset { by_position: true, .. } | Action::StoreReference { .. } => {
                 return Err(StartProblem::StoredPosition { line, word: event.action.text() });
@@ -199,6 +217,10 @@ impl KnownPlace {
     fn refuse(self, line: u32, axes: AxisSet) -> StartProblem {
         StartProblem::UnknownPlace { line, axes: axes.letters(), since: self.since }
     }
+}
+
+fn no_entry(refused: &NoEntry) -> String {
+    format!("{refused}; {}", refused.help())
 }
 
 fn nearest(before: u32, after: Option<u32>) -> String {

@@ -90,6 +90,7 @@ impl Encoder {
         }
         // The next line says its motion, feed rate and plane.
         (self.modal.motion, self.modal.feed) = (None, None);
+        self.modal.is_inverse_time = false;
         self.modal.plane = Plane::default();
         Ok(())
     }

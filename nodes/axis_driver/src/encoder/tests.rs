@@ -1,12 +1,14 @@
 //! Goldens of what is written.
+#![allow(clippy::result_large_err, reason = "errors are compared as they are")]
 
 mod arcs;
 mod read_back;
 
 use super::*;
 use cnc_msgs::contour::{Action, CoolantMode};
+use cnc_msgs::further::{FurtherMode, FurtherMove};
 use cnc_msgs::geometry::Arc;
-use cnc_msgs::path::{PastEnd, PathEvent, StartInSpan};
+use cnc_msgs::path::{NoEntry, PathEvent, StartInSpan};
 use cnc_msgs::text::Words;
 
 fn source(line: u32) -> Source {
@@ -324,7 +326,7 @@ fn m28_a_run_begins_under_compensation_where_its_control_does() {
         ],
     ));
     let at = |line, in_span| {
-        start_at(path.clone(), EncoderConfig::default(), line, in_span).map(|(_, index)| index)
+        start_at(path.clone(), EncoderConfig::default(), (line, 0), in_span).map(|(_, index)| index)
     };
     let refused = |line| Err(StartProblem::UnderCompensation { line, before: 2, after: Some(5) });
     for (in_span, third, fourth) in [
@@ -336,7 +338,7 @@ fn m28_a_run_begins_under_compensation_where_its_control_does() {
         assert_eq!(at(3, in_span), third, "{in_span:?}");
         assert_eq!(at(4, in_span), fourth, "{in_span:?}");
         assert_eq!(at(5, in_span), Ok(4), "{in_span:?}");
-        let past_end = Err(StartProblem::PastEnd(PastEnd { line: 6, last: 5 }));
+        let past_end = Err(StartProblem::NoEntry(NoEntry::PastEnd { line: 6, last: 5 }));
         assert_eq!(at(6, in_span), past_end, "{in_span:?}");
     }
 }
@@ -367,9 +369,69 @@ fn a_start_in_the_middle_repeats_what_is_in_force_and_no_more() {
         path.events.push(PathEvent { at_element, action, source });
     }
     let (mut encoder, index) =
-        start_at(sync::Arc::new(path), EncoderConfig::default(), 29, StartInSpan::Refused).unwrap();
+        start_at(sync::Arc::new(path), EncoderConfig::default(), (29, 0), StartInSpan::Refused)
+            .unwrap();
     assert_eq!(index, 2);
     let steps: Vec<String> =
         std::iter::from_fn(|| encoder.next_step()).map(|step| text_of(&step.unwrap())).collect();
     assert_eq!(steps, ["M5", "(T1)", "G43.1Z50", "(start)", "S200", "M3", "G4P2", "G1X3F9"]);
+}
+
+fn further(mode: FurtherMode, axes: &[(usize, f64)]) -> Action {
+    let axes = axes.iter().fold(FurtherAxes::NONE, |all, (axis, at)| all.with(*axis, *at));
+    Action::Further(FurtherMove { axes, mode })
+}
+
+#[test]
+fn further_axes_have_their_motion_and_a_board_that_has_them() {
+    let board = Board { further_axes: 0b1011, ..Board::default() };
+    let config = EncoderConfig { board, ..EncoderConfig::default() };
+    let lines = |path| {
+        let steps = steps_with(path, config).map_err(|problem| problem.to_string())?;
+        Ok::<_, String>(steps.iter().map(text_of).collect::<Vec<_>>())
+    };
+    let turned = |action: Action, at_element, line| {
+        let ends = [[10.0, 0.0, 0.0], [20.0, 0.0, 0.0]];
+        let lines = ends.iter().zip(1..);
+        let elements = lines.map(|(end, line)| element(Shape::Line, *end, Some(200.0), line));
+        let mut path = path([0.0; 3], elements.collect());
+        path.events = vec![PathEvent { at_element, action, source: source(line) }];
+        path
+    };
+    let along = further(FurtherMode::Along, &[(0, 90.0), (3, -2.5)]);
+    assert_eq!(lines(turned(along, 0, 1)).unwrap(), ["G1X10A90U-2.5G93F20", "X20G94F200"]);
+    assert_eq!(lines(turned(along, 1, 2)).unwrap(), ["G1X10F200", "X20A90U-2.5G93F20"]);
+    for (path, words) in [
+        (turned(along, 0, 2), "line 1: A90 U-2.5 moves with a motion of its block"),
+        (turned(along, 2, 2), "line 2: A90 U-2.5 moves with a motion of its block"),
+        (actions(&[along, Action::ExactStop]), "moves with a motion of its block"),
+        (actions(&[along, along]), "moves with a motion of its block"),
+        (
+            actions(&[further(FurtherMode::Rapid, &[(2, 1.0)])]),
+            "no axis C: its axes are X Y Z A B U",
+        ),
+        (actions(&[further(FurtherMode::Rapid, &[(0, 70_000.0)])]), "A70000 is not between"),
+        (actions(&[further(FurtherMode::Rapid, &[(3, 20_000.0)])]), "U20000 is not between"),
+        (actions(&[further(FurtherMode::Feed(0.0), &[(0, 1.0)])]), "the feed rate 0"),
+        (
+            actions(&[further(FurtherMode::Feed(10.0), &[(0, 1.0), (3, 1.0)])]),
+            "how fast A1 U1 moves depends on where the axes are",
+        ),
+    ] {
+        let refused = lines(path).expect_err(words);
+        assert!(refused.contains(words), "{refused}");
+    }
+    let alone = [
+        further(FurtherMode::Rapid, &[(0, 30.0), (3, 0.0)]),
+        further(FurtherMode::Feed(600.0), &[(0, 60.0), (1, 4.0)]),
+        further(FurtherMode::Feed(100.0), &[(0, 0.0), (3, 50.0)]),
+        further(FurtherMode::Feed(600.0), &[(3, 0.0)]),
+    ];
+    assert_eq!(
+        lines(actions(&alone)).unwrap(),
+        ["G0A30U0", "G1A60B4F600", "A0U50G93F2", "U0G94F600"]
+    );
+    // A post that names an axis and never turns it.
+    let idle = actions(&[further(FurtherMode::Rapid, &[(2, 0.0)])]);
+    assert_eq!(lines(idle).unwrap(), [""; 0]);
 }

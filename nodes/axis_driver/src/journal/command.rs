@@ -27,6 +27,7 @@ pub struct RunOrder {
     pub program_id: String,
     pub revision: u64,
     pub start_line: u32,
+    pub occurrence: u32,
     pub in_span: StartInSpan,
     pub check_only: bool,
     pub tool_diameters_mm: BTreeMap<u32, f64>,
@@ -61,6 +62,7 @@ pub fn order_to_json(id: u64, order: &Order) -> String {
             program_id: order.program_id.clone(),
             revision: order.revision,
             start_line: order.start_line,
+            occurrence: order.occurrence,
             in_span: order.in_span,
             check_only: order.check_only,
             tool_diameters_mm: pairs(&order.tool_diameters_mm),
@@ -89,6 +91,9 @@ enum CommandForm {
         program_id: String,
         revision: u64,
         start_line: u32,
+        /// Which time that line is run; records from before there were calls say nothing.
+        #[serde(default, skip_serializing_if = "is_zero")]
+        occurrence: u32,
         /// Records from before it was asked say nothing: such a start was refused.
         #[serde(default, skip_serializing_if = "is_refused")]
         in_span: StartInSpan,
@@ -151,6 +156,10 @@ fn pairs(map: &BTreeMap<u32, f64>) -> Vec<(u32, f64)> {
     map.iter().map(|(number, value)| (*number, *value)).collect()
 }
 
+fn is_zero(number: &u32) -> bool {
+    *number == 0
+}
+
 fn is_refused(in_span: &StartInSpan) -> bool {
     *in_span == StartInSpan::Refused
 }
@@ -162,6 +171,7 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
             program_id: request.program_id.clone(),
             revision: request.revision,
             start_line: request.start_line,
+            occurrence: request.occurrence,
             in_span: request.in_span,
             check_only: request.check_only,
             tool_diameters_mm: pairs(&request.tool_diameters_mm),
@@ -219,6 +229,7 @@ pub fn command_from_json(
             program_id,
             revision,
             start_line,
+            occurrence,
             in_span,
             check_only,
             tool_diameters_mm,
@@ -231,6 +242,7 @@ pub fn command_from_json(
                 revision,
                 path,
                 start_line,
+                occurrence,
                 in_span,
                 check_only,
                 tool_diameters_mm: tool_diameters_mm.into_iter().collect(),

@@ -57,6 +57,10 @@ pub enum LinkFault {
         "the controller refused a check among the lines (error:{code}): it was damaged on its way"
     )]
     CheckRefused { code: u16 },
+    #[error(
+        "the controller has read {read:?} where {sent:?} was sent: one of them was damaged on its way"
+    )]
+    ReadOtherwise { sent: String, read: String },
     #[error("a damaged line was received: {text:?}")]
     Damaged { text: String },
     #[error("the controller holds {held} bytes, {sent} were counted: an answer came twice")]

@@ -57,6 +57,31 @@ fn lines_are_answered_in_the_order_they_were_sent() {
 }
 
 #[test]
+fn a_line_that_the_controller_has_read_otherwise_is_a_fault() {
+    let read_otherwise = |sent: &str, read: &str| {
+        [LinkFault::ReadOtherwise { sent: sent.into(), read: read.into() }]
+    };
+    let mut link = started();
+    for text in ["G1 X1.5", "G1X2", "$J=G91X1F100"] {
+        link.send_line(text, LineKind::Motion, 0);
+    }
+    link.receive(ms(5), b"[echo: G1X1.5]\r\nok\r\n[echo: g1 x2]\r\nok\r\n");
+    assert_eq!(faults(&mut link), []);
+    link.receive(ms(6), b"[echo: $J=G91X7F100]\r\n");
+    assert_eq!(faults(&mut link), read_otherwise("$J=G91X1F100", "$J=G91X7F100"));
+    link.receive(ms(7), b"ok\r\n[echo: ]\r\n");
+    assert_eq!(faults(&mut link), [], "nothing is under way: the answer says more");
+    // A line that was lost on its way: the one after it comes in its place.
+    link.send_line("G1X3", LineKind::Motion, 0);
+    link.send_line("G1X4", LineKind::Motion, 0);
+    link.receive(ms(8), b"[echo: G1X4]\r\n");
+    assert_eq!(faults(&mut link), read_otherwise("G1X3", "G1X4"));
+    // After an alarm nobody knows which line it is.
+    link.receive(ms(9), b"ALARM:1\r\n[echo: G1X9]\r\n");
+    assert_eq!(faults(&mut link), []);
+}
+
+#[test]
 fn the_window_is_the_receive_buffer_less_one_or_the_latency() {
     let mut link: Link<u32> = Link::new(CONFIG, ms(0));
     assert_eq!(link.window(), 127);

@@ -328,6 +328,7 @@ mod tests {
             message: "done".into(),
             last_line: 9,
             blamed_line: 0,
+            last_occurrence: 0,
         });
         let reply = |id| Output::Reply { id, result: Ok("done".into()) };
         memory.note(3, &Command::Home);

@@ -152,7 +152,7 @@ async fn begin(
     let planned = paths.get(&program_id, PATH_WITHIN).await;
     let planned = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
-    let in_span = run_start::ask(planner, &planned, goal.start_line).await?;
+    let in_span = run_start::ask(planner, &planned, (goal.start_line, goal.occurrence)).await?;
     if offer.is_canceled() {
         let message = "it was canceled before it began".into();
         return Err(Refusal { error_code: error_code::CANCELED, message });
@@ -172,6 +172,7 @@ async fn begin(
         program_id,
         revision,
         start_line,
+        occurrence: goal.occurrence,
         in_span,
         check_only,
         tool_diameters_mm,
@@ -197,7 +198,7 @@ async fn follow(
             message: "the driver stopped; motion may continue".into(),
             ..RunProgramResult::default()
         };
-        return end(driver, goal, GoalOutcome::Aborted, result);
+        return end(driver, goal, GoalOutcome::Aborted, (result, 0));
     };
     let (outcome, code) = match result.outcome {
         RunOutcome::Succeeded => (GoalOutcome::Succeeded, RunProgramResult::OUTCOME_SUCCEEDED),
@@ -215,15 +216,17 @@ async fn follow(
         None => result.message,
     };
     let (error_code, last_line) = (result.error_code, result.last_line);
-    end(driver, goal, outcome, RunProgramResult { outcome: code, error_code, message, last_line });
+    let answer = RunProgramResult { outcome: code, error_code, message, last_line };
+    end(driver, goal, outcome, (answer, result.last_occurrence));
 }
 
-/// Ends a goal. The result of a run is on `run_result` too, for those who did not send the goal.
+/// Ends a goal. The result of a run is on `run_result` too, for those who did not send the goal, with
+/// which time its last line is run.
 fn end(
     driver: &RemoteDriver,
     goal: Goal<RunProgram>,
     outcome: GoalOutcome,
-    result: RunProgramResult,
+    (result, last_occurrence): (RunProgramResult, u32),
 ) {
     if !goal.goal().check_only {
         let RunProgramResult { outcome, error_code, message, last_line } = result.clone();
@@ -235,6 +238,7 @@ fn end(
             error_code,
             message,
             last_line,
+            last_occurrence,
         });
     }
     goal.end(outcome, result);

@@ -22,15 +22,15 @@ const ASK_WITHIN: Duration = Duration::from_millis(1_500);
 pub(super) async fn ask(
     planner: &Client<PlanStart>,
     planned: &Planned,
-    line: u32,
+    (line, occurrence): (u32, u32),
 ) -> Result<StartInSpan, Refusal> {
-    if line <= 1 {
+    if line <= 1 && occurrence <= 1 {
         // The whole program.
         return Ok(StartInSpan::Refused);
     }
     let Planned { program_id, revision, .. } = planned.clone();
     let refusal = |message| Refusal { error_code: error_code::START_LINE, message };
-    let question = PlanStartRequest { program_id, revision, line };
+    let question = PlanStartRequest { program_id, revision, line, occurrence };
     let answer = planner.call_within(question, ASK_WITHIN).await.map_err(|error| {
         refusal(format!(
             "the planner did not answer whether a run can begin at line {line}: {error}"

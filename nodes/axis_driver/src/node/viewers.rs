@@ -3,7 +3,9 @@
 use crate::codes::setting_name;
 use crate::driver::ControllerSettings;
 use crate::transport::address::is_networked;
-use cnc_msgs::convert::machine_state_to_wire;
+use cnc_msgs::convert::{further_to_wire, machine_state_to_wire};
+use cnc_msgs::further::FurtherAxes;
+use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use cnc_msgs::machine::MachineState;
 use cnc_msgs::units::{m_from_mm, point_from_position};
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
@@ -104,8 +106,8 @@ impl Viewers {
         };
         self.joints.publish(JointState {
             header: self.header(stamp, "machine"),
-            name: ["x", "y", "z"].map(|axis| format!("{}{axis}", self.joint_prefix)).to_vec(),
-            position: machine.map(m_from_mm).to_vec(),
+            name: joint_names(state).map(|axis| format!("{}{axis}", self.joint_prefix)).collect(),
+            position: joint_positions(machine, state.further().machine),
             ..JointState::default()
         });
         let offset = std::array::from_fn(|axis| machine[axis] - work[axis]);
@@ -137,6 +139,37 @@ impl Viewers {
     }
 }
 
+/// X, Y and Z, then the others that the controller reports.
+fn joint_names(state: &MachineState) -> impl Iterator<Item = char> {
+    let further = state.further().machine.letters();
+    AXIS_LETTERS
+        .into_iter()
+        .chain(further.chars().collect::<Vec<_>>())
+        .map(|it| it.to_ascii_lowercase())
+}
+
+/// Metres, and radians of axes that turn.
+fn joint_positions(machine: Position, further: FurtherAxes) -> Vec<f64> {
+    machine.map(m_from_mm).into_iter().chain(further_to_wire(further)).collect()
+}
+
 fn upright() -> Quaternion {
     Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::machine::FurtherPlaces;
+
+    #[test]
+    fn joints_are_x_y_and_z_and_what_else_the_controller_reports() {
+        let mut state = MachineState::default();
+        assert_eq!(joint_names(&state).collect::<String>(), "xyz");
+        let machine = FurtherAxes::NONE.with(0, 180.0).with(3, 50.0);
+        state.further = Some(Box::new(FurtherPlaces { machine, ..FurtherPlaces::default() }));
+        assert_eq!(joint_names(&state).collect::<String>(), "xyzau");
+        let positions = joint_positions([1000.0, 0.0, -2.0], state.further().machine);
+        assert_eq!(positions, [1.0, 0.0, -0.002, std::f64::consts::PI, 0.05]);
+    }
 }

@@ -32,6 +32,7 @@ pub(super) fn differs(
         ["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"];
     let system = sent.work_system.and_then(|system| SYSTEMS.get(usize::from(system) - 1).copied());
     let relative = sent.is_relative.map(|relative| if relative { "G91" } else { "G90" });
+    let inverse = sent.is_inverse_time.map(|inverse| if inverse { "G93" } else { "G94" });
     let metric = sent.is_metric.map(|metric| if metric { "G21" } else { "G20" });
     let spindle = sent.spindle.map(|spindle| match spindle {
         SpindleMode::Clockwise => "M3",
@@ -54,6 +55,7 @@ pub(super) fn differs(
         .or_else(|| group(&SYSTEMS, system))
         .or_else(|| group(&["G90", "G91"], relative))
         .or_else(|| group(&["G20", "G21"], metric))
+        .or_else(|| group(&["G93", "G94"], inverse))
         .or_else(|| group(&["M3", "M4", "M5"], spindle))
         .or_else(|| number('F', sent.feed, units.millimetres()))
         .or_else(|| number('S', sent.speed.filter(|speed| turns && is_in_range(*speed)), 1.0))
@@ -74,6 +76,7 @@ mod tests {
             work_system: Some(2),
             is_relative: Some(false),
             is_metric: Some(true),
+            is_inverse_time: Some(false),
             feed: Some(1200.4),
             speed: Some(5000.0),
             spindle: Some(SpindleMode::Clockwise),
@@ -87,6 +90,7 @@ mod tests {
             (WordsInForce { work_system: Some(1), ..sent }, ("G55", "G54")),
             (WordsInForce { is_relative: Some(true), ..sent }, ("G90", "G91")),
             (WordsInForce { is_metric: Some(false), ..sent }, ("G21", "G20")),
+            (WordsInForce { is_inverse_time: Some(true), ..sent }, ("G94", "G93")),
             (WordsInForce { spindle: Some(SpindleMode::Off), ..sent }, ("M3", "M5")),
             (WordsInForce { feed: Some(1700.0), ..sent }, ("F1200", "F1700")),
             (WordsInForce { speed: Some(500.0), ..sent }, ("S5000", "S500")),

@@ -17,6 +17,8 @@ pub(super) struct WordsInForce {
     pub(super) work_system: Option<u8>,
     pub(super) is_relative: Option<bool>,
     pub(super) is_metric: Option<bool>,
+    /// F counts moves of a minute (G93); such an F is of one line.
+    pub(super) is_inverse_time: Option<bool>,
     pub(super) feed: Option<f64>,
     pub(super) speed: Option<f64>,
     pub(super) spindle: Option<SpindleMode>,
@@ -38,7 +40,7 @@ pub(super) struct Sent {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Asked {
     pub(super) way: Option<Way>,
-    /// `None`: as fast as the axes go.
+    /// `None`: as fast as X, Y and Z go; infinite: not known.
     pub(super) feed_mm_per_min: Option<f64>,
 }
 
@@ -80,7 +82,12 @@ impl Sent {
             return Asked { way: Some(Way::Anywhere), feed_mm_per_min: None };
         }
         if !words.has_axes() {
-            return Asked::NOTHING;
+            // Other axes move: how fast says nothing of X, Y and Z, which stay.
+            let stays = self.place.map_or(Way::Anywhere, |at| Way::Line { from: at, to: at });
+            return match words.has_further {
+                true => Asked { way: Some(stays), feed_mm_per_min: Some(f64::INFINITY) },
+                false => Asked::NOTHING,
+            };
         }
         let reference = [280, 300].into_iter().position(|tenths| words.has_g(tenths));
         let target = match reference {
@@ -90,7 +97,12 @@ impl Sent {
         let way = self.way(&words, target, reference.is_some());
         self.place = target;
         let is_rapid = reference.is_some() || self.words.motion == Some(0);
-        Asked { way: Some(way), feed_mm_per_min: self.words.feed.filter(|_| !is_rapid) }
+        let feed_mm_per_min = match words.has_further {
+            // Boards count degrees as millimetres, or do not.
+            true => Some(f64::INFINITY),
+            false => self.words.feed.filter(|_| !is_rapid),
+        };
+        Asked { way: Some(way), feed_mm_per_min }
     }
 
     fn take_modal(&mut self, words: &LineWords) {
@@ -192,7 +204,13 @@ impl WordsInForce {
             self.is_metric = Some(metric == 1);
         }
         self.work_system = words.work_system().or(self.work_system);
-        self.feed = words.feed.or(self.feed);
+        if let Some(inverse) = words.last_of(&[940, 930]) {
+            self.is_inverse_time = Some(inverse == 1);
+        }
+        self.feed = match self.is_inverse_time {
+            Some(true) => None,
+            _ => words.feed.or(self.feed),
+        };
         self.speed = words.speed.or(self.speed);
         for (number, spindle) in
             [(3, SpindleMode::Clockwise), (4, SpindleMode::CounterClockwise), (5, SpindleMode::Off)]

@@ -36,7 +36,10 @@ impl SpeedWatch {
         self.override_seen = self.override_seen.max(feed_override);
         let most = feeds
             .map(|feed| feed.map_or(self.fastest_mm_per_min, |feed| feed * self.override_seen));
-        let allowed = most.fold(0.0, f64::max).min(self.fastest_mm_per_min);
+        let asked = most.fold(0.0, f64::max);
+        // Axes whose fastest is not known here may move along.
+        let allowed =
+            if asked == f64::INFINITY { asked } else { asked.min(self.fastest_mm_per_min) };
         let is_slowing = feed < self.last;
         self.last = feed;
         let is_above = feed > allowed * FEED_SHARE + FEED_MM_PER_MIN && !is_slowing;

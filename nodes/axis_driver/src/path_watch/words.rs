@@ -7,6 +7,8 @@ pub(super) struct LineWords {
     g: Vec<u16>,
     m: Vec<u16>,
     pub(super) axes: [Option<f64>; 3],
+    /// Whether it names A, B, C, U, V or W.
+    pub(super) has_further: bool,
     /// I, J, K.
     pub(super) center: [Option<f64>; 3],
     pub(super) feed: Option<f64>,
@@ -39,6 +41,7 @@ impl LineWords {
                 'S' => words.speed = Some(value),
                 'P' => words.p = Some(value),
                 'L' => words.l = Some(value),
+                'A' | 'B' | 'C' | 'U' | 'V' | 'W' => words.has_further = true,
                 'N' | 'T' => {}
                 _ => return None,
             }
@@ -86,6 +89,9 @@ mod tests {
         assert!(words.has_g(431) && words.has_axes());
         let words = LineWords::read("G10L20P1X0").unwrap();
         assert_eq!((words.l, words.p), (Some(20.0), Some(1.0)));
+        let words = LineWords::read("G93G1X1A-90.5F12.5").unwrap();
+        assert!(words.has_further && words.has_axes() && words.has_g(930));
+        assert!(!LineWords::read("G0A90").unwrap().has_axes());
         assert!(LineWords::read("M30").unwrap().has_m(30));
         for text in ["$H", "G", "GX1", "G1X1.2.3", "X"] {
             assert_eq!(LineWords::read(text), None, "{text}");

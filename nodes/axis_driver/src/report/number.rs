@@ -35,6 +35,11 @@ pub(super) fn parse_position(text: &str, units: ReportUnits) -> Option<Position>
     (3..=8).contains(&count).then_some(position)
 }
 
+/// The values after the first three, as they are printed; a sound position is parsed before.
+pub(super) fn parse_further(text: &str) -> Vec<f64> {
+    text.split(',').skip(3).filter_map(parse_number).collect()
+}
+
 /// 1 to 6 for G54 to G59, 7 to 9 for G59.1 to G59.3.
 pub(super) fn parse_work_system(word: &str) -> Option<u8> {
     const SYSTEMS: [&str; 9] =

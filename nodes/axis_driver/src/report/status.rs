@@ -4,7 +4,7 @@
 //! that nobody here knows are kept as they stand.
 
 use super::ReportUnits;
-use super::number::{parse_count, parse_number, parse_position, parse_work_system};
+use super::number::{parse_count, parse_further, parse_number, parse_position, parse_work_system};
 use crate::firmware::Firmware;
 use cnc_msgs::contour::SpindleMode;
 use cnc_msgs::geometry::Position;
@@ -78,6 +78,10 @@ pub struct StatusReport {
     pub substate: Option<u8>,
     pub machine_position: Option<Position>,
     pub work_position: Option<Position>,
+    /// The values after X, Y and Z of the one position that is in the report, as they are printed.
+    pub further: Vec<f64>,
+    /// The same of the work offset.
+    pub further_offset: Vec<f64>,
     /// The unit that the decimals of the position show, whatever unit it was read in.
     pub shown_in: Option<ReportUnits>,
     /// Work position = machine position - this.
@@ -115,6 +119,11 @@ impl StatusReport {
             ControllerState::Door => !matches!(self.substate, None | Some(0 | 1)),
             _ => false,
         }
+    }
+
+    /// How fast the axes move. What stands in a hold may still report the feed from before it.
+    pub fn speed_mm_per_min(&self) -> Option<f64> {
+        self.feed_mm_per_min.filter(|_| !self.is_held())
     }
 
     /// Whether motion has been stopped in a way that could be resumed.
@@ -167,13 +176,18 @@ impl StatusReport {
         match key {
             "MPos" => {
                 self.machine_position = Some(parse_position(value, units)?);
+                self.further = parse_further(value);
                 self.shown_in = units_of(value);
             }
             "WPos" => {
                 self.work_position = Some(parse_position(value, units)?);
+                self.further = parse_further(value);
                 self.shown_in = units_of(value);
             }
-            "WCO" => self.work_offset = Some(parse_position(value, units)?),
+            "WCO" => {
+                self.work_offset = Some(parse_position(value, units)?);
+                self.further_offset = parse_further(value);
+            }
             "FS" => {
                 // A third number is the speed that was measured.
                 let mut numbers = value.split(',').map(parse_number);
@@ -211,10 +225,11 @@ impl StatusReport {
     }
 }
 
-/// grbl and its relatives print three decimals of a millimetre, four of an inch.
+/// grbl and its relatives print three decimals of a millimetre, four of an inch; some print three
+/// of a degree beside inches.
 fn units_of(position: &str) -> Option<ReportUnits> {
     let mut decimals =
-        position.split(',').map(|number| number.rsplit_once('.').map(|(_, d)| d.len()));
+        position.split(',').take(3).map(|number| number.rsplit_once('.').map(|(_, d)| d.len()));
     let first = decimals.next()??;
     if !decimals.all(|other| other == Some(first)) {
         return None;

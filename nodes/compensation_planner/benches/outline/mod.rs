@@ -298,7 +298,7 @@ pub(crate) fn programmed(outlines: &[Outline]) -> ProgrammedContour {
     let mut events = Vec::new();
     let mut line = 1;
     let mut push = |kind| {
-        let source = Source { line, column: 1, length: 20, block: None };
+        let source = Source { line, column: 1, length: 20, block: None, call: 0 };
         line += u32::from(matches!(kind, ContourEventKind::Motion(_)));
         events.push(ContourEvent { source, kind });
     };

@@ -17,6 +17,7 @@ use crate::span::chain::{ChainLink, Placed, join};
 use crate::span::chain_links::{links, push_runs};
 use crate::span::corner::Corners;
 use crate::span::{Lead, Run, Span};
+use cnc_msgs::calls::{Call, Calls};
 use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
@@ -51,6 +52,10 @@ pub struct Certificate {
     /// Lines of the first and last block, without the leads.
     pub first_line: u32,
     pub last_line: u32,
+    /// The calls and loop passes that led to the first line, by row of the table and as they are
+    /// shown.
+    pub call: u32,
+    pub calls: Vec<Call>,
     /// The side that the tool runs on; the sign of the radius is already applied.
     pub side: CutterSide,
     /// The radius that was planned, mm, never negative.
@@ -65,10 +70,22 @@ pub struct Certificate {
 }
 
 /// A block that limits a certificate, and the place.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct CertificateLimit {
     pub source: Source,
     pub position: Position,
+    /// The calls and loop passes that led to the block.
+    pub calls: Vec<Call>,
+}
+
+impl Certificate {
+    /// Takes the calls of its places from the table of the contour.
+    pub(crate) fn explain(&mut self, calls: &Calls) {
+        self.calls = calls.chain(self.call);
+        for limit in &mut self.limited_by {
+            limit.calls = calls.chain(limit.source.call);
+        }
+    }
 }
 
 /// A span whose radius is tried.
@@ -110,7 +127,7 @@ impl<'a> Subject<'a> {
         Self { span, all: runs, runs: tried, lead_off, profile, goes_on }
     }
 
-    /// `None` when it was interrupted.
+    /// Without its calls; `None` when it was interrupted.
     pub(crate) fn certificate(&self) -> Option<Certificate> {
         let planned = self.span.d_mm.abs();
         let at_planned = self.failures(planned)?;
@@ -124,12 +141,14 @@ impl<'a> Subject<'a> {
         };
         let mut limited_by: Vec<CertificateLimit> =
             failures.iter().flat_map(|failure| self.limits(failure)).collect();
-        limited_by.sort_by_key(|limit| limit.source.line);
-        limited_by.dedup_by_key(|limit| limit.source.line);
+        limited_by.sort_by_key(|limit| (limit.source.line, limit.source.call));
+        limited_by.dedup_by_key(|limit| (limit.source.line, limit.source.call));
         let (first, last) = (&self.span.legs[0], &self.span.legs[self.span.legs.len() - 1]);
         Some(Certificate {
             first_line: first.source.line,
             last_line: last.source.line,
+            call: first.source.call,
+            calls: Vec::new(),
             side: if self.span.d_mm < 0.0 { CutterSide::Right } else { CutterSide::Left },
             radius_mm: planned,
             valid_from_mm: 0.0,
@@ -320,7 +339,7 @@ impl<'a> Subject<'a> {
         let limit = |run: usize, at: Vec2| {
             let leg = &self.span.legs[self.runs[run].legs.start];
             let position = in_work(self.span.plane, at, height(self.span.plane, leg.motion.end));
-            CertificateLimit { source: leg.source, position }
+            CertificateLimit { source: leg.source, position, calls: Vec::new() }
         };
         match failure {
             Failure::Consumed(place) => {

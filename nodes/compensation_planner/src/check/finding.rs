@@ -79,7 +79,7 @@ pub(crate) fn unreachable(
     finding.alarm.clone_from(&profile.interference.alarm);
     let apart = place_of.last - place_of.first + 2;
     soften(&mut finding, apart, profile);
-    finding.other = [first, last].into_iter().find(|other| other.line != leg.source.line);
+    finding.other = [first, last].into_iter().find(|other| !other.is_same_place(leg.source));
     finding.position = Some(position);
     finding.needed_mm = Some(radius_mm);
     finding.available_mm = Some(limit_mm);
@@ -170,7 +170,7 @@ pub(crate) fn skipped_by_lead(
             true => "lead onto the contour in the direction of its first block",
             false => "leave the contour in the direction of its last block",
         });
-    finding.other = Some(first.source).filter(|other| other.line != lead.line);
+    finding.other = Some(first.source).filter(|other| !other.is_same_place(lead));
     let at = runs[skipped.first].element.start();
     finding.position = Some(in_work(span.plane, at, height(span.plane, first.motion.end)));
     finding.available_mm = Some(stays_mm);
@@ -204,7 +204,7 @@ pub(crate) fn cut(span: &Span<'_>, runs: &[Run], cut: &Cut, profile: &Profile) -
     if cut.is_other_pass || cut.is_forgiven {
         finding.severity = Severity::Warning;
     }
-    finding.other = [into.source, on].into_iter().find(|other| other.line != later.line);
+    finding.other = [into.source, on].into_iter().find(|other| !other.is_same_place(later));
     finding.position = Some(position);
     finding.depth_mm = Some(depth_mm);
     finding.needed_mm = Some(cut.radius_mm);

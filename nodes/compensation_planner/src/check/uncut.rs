@@ -13,6 +13,7 @@ use crate::geometry::tessellate;
 use crate::geometry::tolerance::LENGTH_MM;
 use crate::span::chain::{ChainLink, Placed, Role};
 use crate::span::{Run, Span};
+use cnc_msgs::calls::Call;
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{Arc, Plane, Position, Shape};
 
@@ -22,6 +23,8 @@ pub struct UncutRegion {
     /// The first and the last block that is left out or cut short.
     pub first: Source,
     pub last: Source,
+    /// The calls and loop passes that led to the first one.
+    pub calls: Vec<Call>,
     pub area_mm2: f64,
     /// Where the outline begins, work frame, mm.
     pub start: Position,
@@ -124,6 +127,7 @@ fn region(
     let at = height(span.plane, last_leg.motion.end);
     let area_mm2 = area(&outline, joint).abs();
     Some(UncutRegion {
+        calls: Vec::new(),
         first: span.legs[runs[first_run].legs.start].source,
         last: last_leg.source,
         area_mm2,

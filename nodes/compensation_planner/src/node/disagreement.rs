@@ -5,6 +5,7 @@
 
 use super::Planner;
 use crate::tools::verdict::Disagreement;
+use cnc_msgs::calls::chain_after;
 use cnc_msgs::wire::cnc_msgs::srv::GetProgramChunksRequest;
 use serde_yaml::{Mapping, Value};
 use std::fs;
@@ -147,7 +148,10 @@ fn document_of(name: &str, text: &[u8], length: usize, disagreement: &Disagreeme
     let yaml = |value: std::result::Result<Value, serde_yaml::Error>| value.unwrap_or(Value::Null);
     let findings: Vec<String> = findings
         .iter()
-        .map(|it| format!("line {} {}: {}", it.source.line, it.code.name(), it.message))
+        .map(|it| {
+            let calls = chain_after(&it.calls);
+            format!("line {}{calls} {}: {}", it.source.line, it.code.name(), it.message)
+        })
         .collect();
     let events = contour.events.iter().take(EVENTS_MAX);
     let events: Vec<String> = events.map(|event| format!("{event:?}")).collect();

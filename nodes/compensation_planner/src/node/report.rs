@@ -10,6 +10,7 @@ use crate::walk::plan::{Plan, certificates};
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::PathChunks;
 use cnc_msgs::contour::CutterSide;
+use cnc_msgs::convert::chain_to_wire;
 use cnc_msgs::interface::Message;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::units::{m_from_mm, m2_from_mm2, point_from_position};
@@ -54,8 +55,8 @@ pub fn report_of(planned: &Plan, chord_error_mm: f64) -> wire::CompensationRepor
 /// Puts the first certificates into a report, which is published without them before.
 pub fn certify(report: &mut wire::CompensationReport, certificates: &[Certificate]) {
     report.certificate_count = certificates.len() as u32;
-    report.certificates =
-        certificates.iter().take(FINDINGS_IN_REPORT).map(certificate_to_wire).collect();
+    let first = certificates.iter().take(FINDINGS_IN_REPORT).map(certificate_to_wire);
+    report.certificates = fitting(first);
 }
 
 /// The manifest of a path; the caller fills in the header and the program.
@@ -145,6 +146,7 @@ pub(super) fn uncut_to_wire(region: &UncutRegion, mut chord_error_mm: f64) -> wi
         line: region.first.line,
         area: m2_from_mm2(region.area_mm2),
         outline: outline.into_iter().map(point_from_position).collect(),
+        calls: chain_to_wire(&region.calls),
     }
 }
 
@@ -155,6 +157,7 @@ fn certificate_to_wire(certificate: &Certificate) -> wire::RadiusCertificate {
         block: limit.source.block.into_iter().collect(),
         position: point_from_position(limit.position),
         missing: m_from_mm(missing_mm),
+        calls: chain_to_wire(&limit.calls),
     });
     wire::RadiusCertificate {
         first_line: certificate.first_line,
@@ -168,6 +171,7 @@ fn certificate_to_wire(certificate: &Certificate) -> wire::RadiusCertificate {
         valid_to: m_from_mm(certificate.valid_to_mm),
         limited_by: limits.collect(),
         leads_valid_to: m_from_mm(certificate.leads_valid_to_mm),
+        calls: chain_to_wire(&certificate.calls),
     }
 }
 

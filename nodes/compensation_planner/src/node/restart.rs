@@ -16,7 +16,7 @@ pub(super) fn plan(newest: Option<&RunningPlan>, request: &PlanStartRequest) -> 
         let message = format!("revision {revision} of {program_id} is not the newest plan");
         return W { error_code: W::UNKNOWN_PLAN, message, ..W::default() };
     };
-    match start(&input.contour, &input.profile, path, request.line) {
+    match start(&input.contour, &input.profile, path, request.line, request.occurrence) {
         Ok(start) => {
             let message = match &start.warning {
                 Some(warning) => format!("{}; the run {start}", warning.message),
@@ -32,7 +32,13 @@ pub(super) fn plan(newest: Option<&RunningPlan>, request: &PlanStartRequest) -> 
         Err(refused) => {
             let finding = &refused.finding;
             let message = format!("{}; {}", finding.message, finding.help);
-            W { error_code: W::START_REFUSED, message, ..W::default() }
+            W {
+                error_code: W::START_REFUSED,
+                message,
+                nearest_line: refused.nearest.line,
+                nearest_occurrence: refused.nearest_occurrence,
+                ..W::default()
+            }
         }
     }
 }

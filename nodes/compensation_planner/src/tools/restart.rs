@@ -7,7 +7,9 @@ use crate::check::finding::block_name;
 use cnc_msgs::contour::{Action, ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
-use cnc_msgs::path::{CompensatedPath, Entry, PathElement, PathEvent, StartInSpan, in_force};
+use cnc_msgs::path::{
+    CompensatedPath, Entry, NoEntry, PathElement, PathEvent, StartInSpan, in_force,
+};
 use cnc_msgs::profile::{HomeMode, Profile, RestartMode};
 use std::fmt;
 
@@ -18,6 +20,8 @@ pub struct Start {
     /// Where the first element starts, work frame, mm.
     pub at: Position,
     pub in_span: StartInSpan,
+    /// Which time its line is run: `, in o<pocket>, called from line 40`; empty without calls.
+    calls: String,
     /// Set if the control would not begin there and its profile makes that a warning.
     pub warning: Option<Finding>,
     first: PathElement,
@@ -28,34 +32,51 @@ pub struct Start {
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoStart {
     pub finding: Finding,
-    /// The block before the selection: the nearest line to begin at.
+    /// The block before the selection: the nearest line to begin at. Line 0: there is none, or it is the
+    /// beginning.
     pub nearest: Source,
+    /// Which time that line is run; 0: the only one.
+    pub nearest_occurrence: u32,
 }
 
-/// Plans how a run of an accepted path begins at `line` (M28, C19).
+/// Plans how a run of an accepted path begins at `line` (M28, C19), the time `occurrence` that it is
+/// run, from 1; 0: the only one.
 ///
 /// Under compensation, which lasts from the selection to the end of the lead-off, a
 /// control that rebuilds it begins at the compensated point: the path is proved as a
 /// whole, and whoever begins there cuts the same as whoever comes along it.
 ///
 /// # Errors
-/// The control does not begin under compensation, or nothing is left from that line on.
+/// The control does not begin under compensation, nothing is left from that line on, or the line is
+/// run several times and none was asked for.
 pub fn start(
     contour: &ProgrammedContour,
     profile: &Profile,
     path: &CompensatedPath,
     line: u32,
+    occurrence: u32,
 ) -> Result<Start, Box<NoStart>> {
     let of_line = Source { line, ..Source::default() };
-    let entry = path.entry(line).map_err(|past_end| {
-        let text = past_end.to_string();
-        let finding = Finding::error(Code::Restart, of_line, text)
-            .help(format!("begin at line {} or before", past_end.last));
-        Box::new(NoStart { finding, nearest: Source { line: past_end.last, ..of_line } })
+    let entry = path.entry(line, occurrence).map_err(|refused| {
+        let finding =
+            Finding::error(Code::Restart, of_line, refused.to_string()).help(refused.help());
+        let (line, nearest_occurrence) = match refused {
+            NoEntry::PastEnd { last, .. } => (last, path.last_occurrence(last, None)),
+            // Only the user knows which one is meant.
+            NoEntry::SeveralTimes { .. } | NoEntry::TooFew { .. } | NoEntry::NoLine { .. } => {
+                (0, 0)
+            }
+        };
+        let nearest = Source { line, ..of_line };
+        Box::new(NoStart { finding, nearest, nearest_occurrence })
     })?;
     // The path decides: a move after a cancel can still be compensated.
     let begins_in_span = path.begins_in_span(entry.element);
-    let (span, ended) = span_at(contour, profile, line);
+    let is_reached = |source: Source| match entry.run {
+        None => source.line >= line,
+        Some(run) => run.has(source, &contour.calls),
+    };
+    let (span, ended) = span_at(contour, profile, is_reached);
     let span = span.or(ended.filter(|_| begins_in_span));
     let mut warning = None;
     if let Some(SelectedSpan { selected, nearest, .. }) = span
@@ -73,8 +94,14 @@ pub fn start(
         });
         finding.severity = profile.restart.severity();
         finding.other = Some(selected);
+        contour.calls.explain(std::slice::from_mut(&mut finding));
         if finding.is_error() {
-            return Err(Box::new(NoStart { finding, nearest }));
+            // What the path has nothing of is run before what is asked for, as late as can be.
+            let nearest_occurrence = match path.occurrence(nearest) {
+                0 => path.last_occurrence(nearest.line, Some(&entry)),
+                occurrence => occurrence,
+            };
+            return Err(Box::new(NoStart { finding, nearest, nearest_occurrence }));
         }
         warning = Some(finding);
     }
@@ -87,6 +114,7 @@ pub fn start(
         entry,
         at: path.start_of(entry.element),
         in_span,
+        calls: path.calls.after(path.elements[entry.element].source),
         warning,
         first: path.elements[entry.element],
         in_force: in_force(&path.events[..entry.event]),
@@ -106,7 +134,7 @@ struct SelectedSpan {
 fn span_at(
     contour: &ProgrammedContour,
     profile: &Profile,
-    line: u32,
+    is_reached: impl Fn(Source) -> bool,
 ) -> (Option<SelectedSpan>, Option<SelectedSpan>) {
     let mut plane = Plane::default();
     // The last block so far that is outside compensation or ends a lead-off, and the block before
@@ -116,7 +144,7 @@ fn span_at(
     let (mut span, mut ended): (Option<SelectedSpan>, Option<SelectedSpan>) = (None, None);
     let mut is_cancelled = false;
     for event in &contour.events {
-        if event.source.line >= line {
+        if is_reached(event.source) {
             break;
         }
         if span.is_none() && last.line != event.source.line {
@@ -154,7 +182,8 @@ impl fmt::Display for Start {
     /// `begins with block N70 at X105.000 Y-25.000 Z-5.000, cutter left of the contour, F250,
     /// T1 S8000 M3`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "begins with {} at", block_name(self.first.source))?;
+        let comma = if self.calls.is_empty() { "" } else { "," };
+        write!(f, "begins with {}{}{comma} at", block_name(self.first.source), self.calls)?;
         for (letter, place) in AXIS_LETTERS.iter().zip(self.at) {
             write!(f, " {letter}{place:.3}")?;
         }

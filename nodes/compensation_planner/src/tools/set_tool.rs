@@ -5,6 +5,7 @@
 
 use crate::tools::verdict::{Disagreement, Verdict, judge};
 use crate::walk::plan::Planning;
+use cnc_msgs::calls::chain_after;
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::finding::Finding;
 use cnc_msgs::profile::Profile;
@@ -223,7 +224,8 @@ pub fn still_cuts(
 /// Message and help of a finding in one line, with its place.
 pub(crate) fn message_and_help(finding: &Finding) -> String {
     let block = finding.source.block.map(|block| format!(" (N{block})")).unwrap_or_default();
-    format!("line {}{block}: {}", finding.source.line, finding.message)
+    let calls = chain_after(&finding.calls);
+    format!("line {}{block}{calls}: {}", finding.source.line, finding.message)
 }
 
 #[cfg(test)]

@@ -76,7 +76,8 @@ pub fn prove(
     }
     #[cfg(test)]
     tests::spoil(&mut plan, tools);
-    let audit = audit_after(contour, &plan.path, profile, tools, &plan.findings);
+    let mut audit = audit_after(contour, &plan.path, profile, tools, &plan.findings);
+    contour.calls.explain(&mut audit.findings);
     if !audit.refuses() {
         plan.findings.extend(audit.findings.iter().cloned());
         plan.findings.sort_by_key(|finding| finding.source.line);

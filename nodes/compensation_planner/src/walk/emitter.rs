@@ -9,6 +9,7 @@ use crate::geometry::frame::{height, in_plane, in_work, plane_axes};
 use crate::geometry::tolerance::LENGTH_MM;
 use crate::span::feed;
 use cnc_msgs::contour::{Action, CutterSide, Motion, Source};
+use cnc_msgs::further::{FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{self, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use std::f64::consts::{PI, TAU};
@@ -60,6 +61,10 @@ impl Emitter {
     /// Writes an action where the tool is.
     pub(crate) fn action(&mut self, action: Action, source: Source) {
         match action {
+            // The next element is written even where it stays: these axes move with it.
+            Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) => {
+                self.sent = AxisSet::NONE;
+            }
             // From here on positions have another meaning.
             Action::Reference { .. }
             | Action::Home { .. }

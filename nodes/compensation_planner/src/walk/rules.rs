@@ -215,6 +215,17 @@ impl Rules<'_> {
                 &name(action),
                 "cancel the compensation before, and select it again after",
             ),
+            // Whatever the profile allows: the offset path would meet them elsewhere.
+            Action::Further(further) => {
+                let letters = further.axes.letters();
+                let message = format!("{letters} moves while cutter compensation is active");
+                let help = format!("move {letters} before the selection or after the lead-off");
+                let code = Code::ForbiddenUnderCompensation;
+                let mut finding = Finding::error(code, source, message).help(help);
+                finding.other = Some(selected).filter(|selected| *selected != source);
+                self.findings.push(finding);
+                true
+            }
             // The walk has ended the compensation and reported it.
             Action::Home { .. } => false,
             // An action in the block of the selection happens before it.

@@ -194,7 +194,7 @@ impl SpanWriter<'_> {
         };
         let mut found = found;
         let end = self.span.legs.get(next_leg.wrapping_sub(1));
-        found.other = end.map(|leg| leg.source).filter(|other| other.line != source.line);
+        found.other = end.map(|leg| leg.source).filter(|other| !other.is_same_place(source));
         let at = end.map_or(0.0, |leg| height(self.span.plane, leg.motion.end));
         found.position = Some(in_work(self.span.plane, corner.center, at));
         self.findings.push(found);

@@ -132,6 +132,7 @@ impl Reader {
             block: get('N').map(|n| n as u32),
             column: 1,
             length: text.len() as u16,
+            call: 0,
         };
         let mut push = |kind| self.contour.events.push(ContourEvent { source, kind });
         let mut approach = None;
@@ -394,7 +395,7 @@ pub fn ring(radii: &[f64]) -> Vec<Position> {
 pub fn closed_contour(points: &[Position], bulges: &[f64], side: CutterSide) -> ProgrammedContour {
     let mut contour = ProgrammedContour::default();
     let mut push = |line: u32, kind| {
-        let source = Source { line, block: None, column: 1, length: 1 };
+        let source = Source { line, block: None, column: 1, length: 1, call: 0 };
         contour.events.push(ContourEvent { source, kind });
     };
     let middle: Position = std::array::from_fn(|axis| (points[0][axis] + points[1][axis]) / 2.0);

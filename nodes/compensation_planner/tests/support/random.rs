@@ -77,7 +77,7 @@ pub fn random_contour(
     let mut line = 0;
     let mut push = |contour: &mut ProgrammedContour, kind, fresh: bool| {
         line += u32::from(fresh);
-        let source = Source { line, block: Some(line), column: 1, length: 1 };
+        let source = Source { line, block: Some(line), column: 1, length: 1, call: 0 };
         contour.events.push(ContourEvent { source, kind });
     };
     push(&mut contour, ContourEventKind::Radius(RadiusSource::Radius(0.0)), true);

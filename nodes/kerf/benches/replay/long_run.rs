@@ -54,6 +54,7 @@ pub(crate) fn write(file: &Path, blocks: u32) -> (u64, Duration) {
         revision: 1,
         path,
         start_line: 0,
+        occurrence: 0,
         in_span: Default::default(),
         check_only: false,
         tool_diameters_mm: Default::default(),

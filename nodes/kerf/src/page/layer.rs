@@ -2,10 +2,11 @@
 
 use crate::picture::look::{self, Look};
 use crate::picture::view::{Point, View};
-use cnc_msgs::contour::{ContourEventKind, MotionClass, ProgrammedContour};
+use cnc_msgs::contour::{ContourEventKind, MotionClass, ProgrammedContour, Source};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::PathElement;
 use compensation_planner::UncutRegion;
+use serde::ser::SerializeSeq;
 use serde::{Serialize, Serializer};
 
 /// A path that can be switched on and off.
@@ -59,9 +60,34 @@ pub(crate) struct Outline {
     elements: Vec<Row>,
 }
 
-/// Kind, end and centre on the paper, end in work coordinates, line, block, look, feed. `page.js`
+/// Kind, end and centre on the paper, end in work coordinates, line, block, look, feed, call. `page.js`
 /// has the names of the columns.
-type Row = (u8, f64, f64, f64, f64, f64, f64, f64, u32, Option<u32>, u8, Option<f64>);
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    kind: u8,
+    numbers: [f64; 7],
+    source: Source,
+    look: u8,
+    feed: Option<f64>,
+}
+
+impl Serialize for Row {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self { kind, numbers, source, look, feed } = *self;
+        let Source { line, block, call, .. } = source;
+        let mut row = serializer.serialize_seq(None)?;
+        row.serialize_element(&kind)?;
+        for number in numbers {
+            row.serialize_element(&number)?;
+        }
+        row.serialize_element(&line)?;
+        row.serialize_element(&block)?;
+        row.serialize_element(&look)?;
+        row.serialize_element(&feed)?;
+        row.serialize_element(&call)?;
+        row.end()
+    }
+}
 
 impl<'a> Layer<'a> {
     /// The programmed contour.
@@ -90,6 +116,13 @@ impl<'a> Layer<'a> {
         Self { name, color, corner, rapid, width: 2.2, start: view.project(start), elements }
     }
 
+    /// The part of a path that a run leaves out.
+    pub(crate) fn left_out(start: Position, elements: &'a [PathElement], view: View) -> Self {
+        let grey = "#b3b8bf";
+        let layer = Self::compensated("left out", start, elements, view);
+        Self { color: grey, corner: grey, rapid: grey, width: 1.1, ..layer }
+    }
+
     /// Today's path, drawn above a recorded one.
     pub(crate) fn now(start: Position, elements: &'a [PathElement], view: View) -> Self {
         let layer = Self::compensated("compensated now", start, elements, view);
@@ -106,7 +139,7 @@ impl<'a> Layer<'a> {
 
 impl Outline {
     pub(super) fn new(region: &UncutRegion, view: View) -> Self {
-        let source = (region.first.line, None);
+        let source = Source { block: None, ..region.first };
         let row = |piece: &compensation_planner::OutlinePiece| {
             row(view, &piece.shape, piece.end, source, Look::Cut, Some(0.0))
         };
@@ -127,15 +160,14 @@ fn contour_rows(contour: &ProgrammedContour, view: View) -> impl Iterator<Item =
         let look = if is_feed { Look::Cut } else { Look::Rapid };
         // Feeds are shown for paths only.
         let feed = is_feed.then_some(0.0);
-        row(view, &motion.shape, motion.end, (source.line, source.block), look, feed)
+        row(view, &motion.shape, motion.end, source, look, feed)
     })
 }
 
 fn path_rows(elements: &[PathElement], view: View) -> impl Iterator<Item = Row> {
     elements.iter().map(move |element| {
-        let source = (element.source.line, element.source.block);
         let (look, feed) = (Look::of(element), element.feed_mm_per_min);
-        row(view, &element.shape, element.end, source, look, feed)
+        row(view, &element.shape, element.end, element.source, look, feed)
     })
 }
 
@@ -143,7 +175,7 @@ fn row(
     view: View,
     shape: &Shape,
     end: Position,
-    (line, block): (u32, Option<u32>),
+    source: Source,
     look: Look,
     feed: Option<f64>,
 ) -> Row {
@@ -159,5 +191,6 @@ fn row(
         _ => (0, [0.0; 2]),
     };
     let [end_x, end_y, end_z] = end.map(round);
-    (kind, x, y, cx, cy, end_x, end_y, end_z, line, block, look as u8, feed)
+    let numbers = [x, y, cx, cy, end_x, end_y, end_z];
+    Row { kind, numbers, source, look: look as u8, feed }
 }

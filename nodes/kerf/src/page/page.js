@@ -7,7 +7,9 @@ addEventListener("error", (event) => { document.body.dataset.errors += event.mes
 const data = JSON.parse(document.getElementById("data").textContent);
 const by = (id) => document.getElementById(id);
 // The columns of an element of a path.
-const KIND = 0, X = 1, Y = 2, CX = 3, CY = 4, END = 5, LINE = 8, BLOCK = 9, LOOK = 10, FEED = 11;
+const KIND = 0, X = 1, Y = 2, CX = 3, CY = 4, END = 5, LINE = 8, BLOCK = 9, LOOK = 10, FEED = 11, CALL = 12;
+// The columns of a call or a pass of a loop.
+const NAME = 0, CALL_LINE = 1, PASS = 2, PARENT = 3;
 const [STRAIGHT, CLOCKWISE] = [0, 1];
 const [CUT, CORNER, LEAD, RAPID] = [0, 1, 2, 3];
 const LOOKS = ["cut", "corner", "lead", "rapid"];
@@ -15,7 +17,7 @@ const STATE_COLORS = {
   RUN: "#bfe3cd", HOLD: "#ffe3a8", ALARM: "#f4b6b6", UNKNOWN: "#d8c7e8", DISCONNECTED: "#d8c7e8",
   DOOR: "#ffe3a8", TOOL_CHANGE: "#c6dcf4", HOME: "#d9eef7", JOG: "#d9eef7", CHECK: "#e4e7ec",
 };
-const PIN_COLORS = { error: "#c62828", alarm: "#c62828", warning: "#d98200", difference: "#e8590c" };
+const PIN_COLORS = { error: "#c62828", alarm: "#c62828", warning: "#d98200", difference: "#e8590c", start: "#2e7d32" };
 
 let sheet, run;
 let shown = [];                       // which layers are drawn
@@ -216,12 +218,24 @@ function find(px, py, within) {
 const mm = (value) => value.toFixed(3);
 const blockText = (line) => (sheet.program[line - 1] || "").trim();
 
+// How the program came to run an element: the calls and passes, the innermost first.
+function chain(row) {
+  const parts = [];
+  for (let call; (call = sheet.calls[row - 1]) && parts.length < 8; row = call[PARENT]) {
+    const place = `line ${call[CALL_LINE]}`;
+    if (call[NAME] === null) parts.push(`pass ${call[PASS]} of the loop in ${place}`);
+    else parts.push(`in ${call[NAME]}, called from ${place}` + (call[PASS] > 1 ? `, pass ${call[PASS]}` : ""));
+  }
+  if (sheet.calls[row - 1]) parts.push("and more around it");
+  return parts.length ? "\n" + parts.join(", ") : "";
+}
+
 function describe({ layer, index }) {
   const e = layer.elements[index];
   const feed = e[FEED] === null ? "rapid" : e[FEED] === 0 ? "" : `F${e[FEED]}`;
   const shape = e[KIND] === STRAIGHT ? "line" : `arc of radius ${mm(Math.hypot(e[X] - e[CX], e[Y] - e[CY]))} mm`;
   const block = e[BLOCK] === null ? "" : ` (N${e[BLOCK]})`;
-  return `${layer.name}, element ${index}: ${LOOKS[e[LOOK]]}, ${shape} to X${mm(e[END])} Y${mm(e[END + 1])} Z${mm(e[END + 2])} ${feed}\nline ${e[LINE]}${block}: ${blockText(e[LINE])}`;
+  return `${layer.name}, element ${index}: ${LOOKS[e[LOOK]]}, ${shape} to X${mm(e[END])} Y${mm(e[END + 1])} Z${mm(e[END + 2])} ${feed}\nline ${e[LINE]}${block}: ${blockText(e[LINE])}${chain(e[CALL])}`;
 }
 
 function look(px, py, box) {
@@ -354,9 +368,10 @@ function choose(name) {
   if (run) names.push(["dialogue", run.dialogue.length]);
   by("tabs").replaceChildren(...names.filter(([name, count]) => count || name === "program").map(([key, count]) => {
     const button = document.createElement("button");
-    // A finding is about a program; what a run met are alarms.
-    const word = key === "findings" && sheet.pins.every((pin) => pin.kind === "alarm") ? "alarms" : key;
-    button.textContent = key === "program" ? key : `${word} ${count}`;
+    // A finding is about a program; what a run met are alarms, and a run in the middle has its start.
+    const all = (kind) => key === "findings" && sheet.pins.every((pin) => pin.kind === kind);
+    const word = all("alarm") ? "alarms" : key;
+    button.textContent = key === "program" ? key : all("start") ? "start" : `${word} ${count}`;
     button.id = `tab-${key}`;
     button.setAttribute("aria-selected", key === name);
     button.addEventListener("click", () => choose(key));
@@ -511,7 +526,7 @@ function show(number) {
   choose(sheet.differences.length ? "differences" : sheet.pins.length ? "findings" : run && !sheet.program.length ? "dialogue" : "program");
   fit();
   // Shows its whole text: the row in the list may be cut by the window.
-  const first = ["difference", "alarm"].map((kind) => sheet.pins.find((pin) => pin.kind === kind)).find(Boolean);
+  const first = ["difference", "alarm", "start"].map((kind) => sheet.pins.find((pin) => pin.kind === kind)).find(Boolean);
   if (first) by("under").textContent = first.text;
 }
 

@@ -303,7 +303,7 @@ fn place(
 
 fn report(event: &Event) -> Option<&StatusReport> {
     match &event.what {
-        Happened::Received(Report::Status(report)) => Some(report),
+        Happened::Received(Report::Status(report)) => Some(report.as_ref()),
         _ => None,
     }
 }

@@ -2,7 +2,7 @@
 
 use super::rs274::{common, common_m};
 use super::{ApproachWords, Dialect, GWord, Letters, MWord};
-use crate::block::LexerRules;
+use crate::block::{LexerRules, Programs};
 use cnc_msgs::geometry::Plane;
 
 pub(super) static DIALECT: Dialect = Dialect {
@@ -14,12 +14,15 @@ pub(super) static DIALECT: Dialect = Dialect {
         calls: false,
         axis_names_after: None,
         parameters: false,
+        r_parameters: false,
         names: false,
+        programs: Some(&PROGRAMS),
     },
     g,
     m,
     plane: Plane::Xy,
     letters: Letters::of(b"XYZIJKRFSTHLPQ"),
+    further_axes: Letters::NONE,
     // M18 names Z, A and B.
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
@@ -30,6 +33,11 @@ pub(super) static DIALECT: Dialect = Dialect {
     percent_delimits: true,
 };
 
+/// M98 P10 L2 runs the file 10.nc twice, M99 returns; five levels (page "M98 & M99 - sub program
+/// call").
+static PROGRAMS: Programs =
+    Programs { begins: &[], letter: 'P', call: None, end: "M99", ending: "nc", depth_max: 5 };
+
 fn g(tenths: u16) -> GWord {
     match tenths {
         // LinuxCNC has these; MASSO's page does not list them.
@@ -39,5 +47,9 @@ fn g(tenths: u16) -> GWord {
 }
 
 fn m(number: u16) -> MWord {
-    common_m(number)
+    match number {
+        98 => MWord::CallProgram,
+        99 => MWord::EndProgram,
+        _ => common_m(number),
+    }
 }

@@ -8,7 +8,7 @@ use super::rs274::{CONSTANT_SPEED, CYCLE, FEED_MODE, OFFSETS, THREAD, common_m};
 use super::{
     ApproachWords, Dialect, Distance, GWord, Group, LengthWord, Letters, MWord, Mode, Units,
 };
-use crate::block::LexerRules;
+use crate::block::{LexerRules, Programs};
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
 
@@ -21,12 +21,15 @@ pub(super) static DIALECT: Dialect = Dialect {
         calls: false,
         axis_names_after: None,
         parameters: false,
+        r_parameters: false,
         names: false,
+        programs: Some(&PROGRAMS),
     },
     g,
     m,
     plane: Plane::Xy,
     letters: Letters::of(b"XYZIJKRFSTDHLPQ"),
+    further_axes: Letters::NONE,
     foreign_axes: Letters::of(b"ABCUVW"),
     auxiliary: Letters::NONE,
     approach: ApproachWords::Direction,
@@ -34,6 +37,16 @@ pub(super) static DIALECT: Dialect = Dialect {
     arc_radius_and_turns: true,
     arc_radius: b'R',
     percent_delimits: false,
+};
+
+/// `%O100` or `O100` begins a program, M98 P100 L2 calls it, M99 returns.
+static PROGRAMS: Programs = Programs {
+    begins: &["%O", "O"],
+    letter: 'O',
+    call: None,
+    end: "M99",
+    ending: "nct",
+    depth_max: usize::MAX,
 };
 
 const SCALE: &str = "post the program in its final size and position";
@@ -88,7 +101,9 @@ fn g(tenths: u16) -> GWord {
 
 fn m(number: u16) -> MWord {
     match number {
-        0..=9 | 30 | 98 | 99 => common_m(number),
+        98 => MWord::CallProgram,
+        99 => MWord::EndProgram,
+        0..=9 | 30 => common_m(number),
         10..=97 => MWord::Auxiliary { after_motion: false },
         _ => MWord::Unknown,
     }

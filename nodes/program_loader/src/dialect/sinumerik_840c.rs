@@ -5,7 +5,7 @@
 
 use super::rs274::{CONSTANT_SPEED, FEED_MODE, OFFSETS, THREAD, common_m};
 use super::{ApproachWords, Dialect, Distance, GWord, Group, Letters, MWord, Mode, Units};
-use crate::block::LexerRules;
+use crate::block::{LexerRules, Programs};
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
 
@@ -18,12 +18,15 @@ pub(super) static DIALECT: Dialect = Dialect {
         calls: false,
         axis_names_after: Some(16.0),
         parameters: false,
+        r_parameters: true,
         names: false,
+        programs: Some(&PROGRAMS),
     },
     g,
     m,
     plane: Plane::Xy,
-    letters: Letters::of(b"XYZIJKFSTDHABU"),
+    letters: Letters::of(b"XYZIJKFSTDHABULP"),
+    further_axes: Letters::NONE,
     foreign_axes: Letters::of(b"CQVWE"),
     auxiliary: Letters::of(b"H"),
     approach: ApproachWords::None,
@@ -31,6 +34,16 @@ pub(super) static DIALECT: Dialect = Dialect {
     arc_radius_and_turns: false,
     arc_radius: b'R',
     percent_delimits: false,
+};
+
+/// `%SPF100` begins a subprogram, L100 P2 calls it, M17 returns.
+static PROGRAMS: Programs = Programs {
+    begins: &["%SPF"],
+    letter: 'L',
+    call: Some((b'L', b'P')),
+    end: "M17",
+    ending: "spf",
+    depth_max: usize::MAX,
 };
 
 /// TRANSMIT and similar: G131, G231, G331 select one, G130 deselects (NC MD 5061).
@@ -81,7 +94,7 @@ fn g(tenths: u16) -> GWord {
 
 fn m(number: u16) -> MWord {
     match number {
-        17 => MWord::Refused("write subprograms out where they are called"),
+        17 => MWord::EndProgram,
         // S58: it takes effect at the end of its block.
         18 => MWord::Auxiliary { after_motion: true },
         0..=9 | 30 => common_m(number),

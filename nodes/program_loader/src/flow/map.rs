@@ -63,7 +63,8 @@ impl FlowMap {
             seen = at;
             let length = memchr::memchr(b'\n', &text[offset..]);
             let whole = &text[offset..length.map_or(text.len(), |length| offset + length)];
-            let line = Line { number: line, text: whole.strip_suffix(b"\r").unwrap_or(whole) };
+            let text = whole.strip_suffix(b"\r").unwrap_or(whole);
+            let line = Line { number: line, text, call: 0 };
             let next = Cursor {
                 offset: length.map_or(text.len(), |length| offset + length + 1),
                 line: at.line + 1,
@@ -288,7 +289,7 @@ pub(crate) fn line_at(text: &[u8], at: Cursor) -> Line<'_> {
     let rest = &text[at.offset.min(text.len())..];
     let length = memchr::memchr(b'\n', rest).unwrap_or(rest.len());
     let whole = &rest[..length];
-    Line { number: at.line, text: whole.strip_suffix(b"\r").unwrap_or(whole) }
+    Line { number: at.line, text: whole.strip_suffix(b"\r").unwrap_or(whole), call: 0 }
 }
 
 /// A name as programs write it: `100`, `<pocket>`.

@@ -58,6 +58,11 @@ impl Interpreter<'_> {
         if self.request.m_at(0).is_some() {
             self.m_functions(scene);
         }
+        if let Some((letter, times)) = self.rules.dialect.lexer.programs.and_then(|it| it.call)
+            && self.request.present.contains(letter)
+        {
+            self.call_by_word(scene, letter, times);
+        }
         let auxiliary = self.rules.dialect.auxiliary.intersection(self.request.present);
         if !auxiliary.is_empty() {
             for letter in auxiliary.iter() {
@@ -93,6 +98,9 @@ impl Interpreter<'_> {
     fn program_to_call(&mut self, scene: &mut Scene<'_>, at: usize) {
         let program = self.take_number(scene, b'P');
         let times = self.take_number(scene, b'L');
+        if self.rules.dialect.lexer.programs.is_some() && times == Some(0) {
+            self.no_times(scene, b'L');
+        }
         self.called = program.map(|program| (program, times.unwrap_or(1)));
         if program.is_none() && !self.request.present.contains(b'P') {
             let message = format!("{} without P", scene.quote(at));
@@ -101,11 +109,54 @@ impl Interpreter<'_> {
         }
     }
 
+    /// L and P of a block that calls a program with L.
+    #[cold]
+    pub(super) fn call_by_word(&mut self, scene: &mut Scene<'_>, letter: u8, times: u8) {
+        if self.request.present != self.rules.call_letters.intersection(self.request.present)
+            || self.request.has_codes()
+        {
+            let message = format!(
+                "{} calls a program, and its block has other words",
+                scene.quote(self.request.word(letter))
+            );
+            let help = "write the call into a block of its own";
+            self.report(scene, letter, Code::ModalConflict, message, help);
+        }
+        let program = self.take_number(scene, letter);
+        let passes = self.take_number(scene, times);
+        if passes == Some(0) {
+            self.no_times(scene, times);
+        }
+        self.called = program.map(|program| (program, passes.unwrap_or(1)));
+    }
+
+    fn no_times(&mut self, scene: &mut Scene<'_>, letter: u8) {
+        let quote = scene.quote(self.request.word(letter));
+        let message = format!("{quote} calls the program no time");
+        let help = "write how many times it is to run, or delete the call";
+        self.report(scene, letter, Code::BadNumber, message, help);
+    }
+
+    /// A return that says where to.
+    fn return_elsewhere(&mut self, scene: &mut Scene<'_>, at: usize) {
+        let word = scene.quote(at);
+        for letter in [b'P', b'L'] {
+            if self.take(letter).is_some() {
+                let target = scene.quote(self.request.word(letter));
+                let message = format!("{word} {target} is not supported");
+                let help = "return without P and L, to the block after the call; write what is \
+                            skipped or repeated as the blocks that run";
+                self.report(scene, letter, Code::Unsupported, message, help);
+            }
+        }
+    }
+
     fn m_functions(&mut self, scene: &mut Scene<'_>) {
-        self.called = None;
         let call = self.request.m().find(|(meaning, _, _)| *meaning == MWord::CallProgram);
         if let Some((_, _, at)) = call {
             self.program_to_call(scene, at);
+        } else if let Some(at) = self.return_without_o_words() {
+            self.return_elsewhere(scene, at);
         }
         let state = self.request.m().find(|(meaning, _, _)| matches!(meaning, MWord::State(_)));
         if let Some((MWord::State(word), _, at)) = state {
@@ -141,6 +192,12 @@ impl Interpreter<'_> {
                 }
             }
         }
+    }
+
+    /// The return of a language without O words.
+    fn return_without_o_words(&self) -> Option<usize> {
+        self.rules.dialect.lexer.programs?;
+        self.request.m().find(|(meaning, _, _)| *meaning == MWord::EndProgram).map(|it| it.2)
     }
 
     fn act_auxiliary(&mut self, number: u16) {
@@ -183,7 +240,7 @@ impl Interpreter<'_> {
     }
 
     /// M98: P and L have been taken by `m_functions`.
-    fn called_program(&self) -> After {
+    pub(super) fn called_program(&self) -> After {
         match self.called {
             Some((program, times)) if !self.request.is_damaged => After::Call { program, times },
             _ => After::Block,
@@ -251,7 +308,9 @@ impl Interpreter<'_> {
         if self.modal.work_offset != system {
             self.modal.work_offset = system;
             let word = WORK_SYSTEMS[usize::from(system.clamp(1, 9) - 1)];
-            self.axes.lose(AxisSet::ALL, Cause { source: self.source, word });
+            let cause = Cause { source: self.source, word };
+            self.axes.lose(AxisSet::ALL, cause);
+            self.further.lose_known(cause);
         }
     }
 

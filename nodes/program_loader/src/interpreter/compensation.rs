@@ -63,6 +63,11 @@ impl Compensation {
 }
 
 impl Interpreter<'_> {
+    /// The block that selected compensation, while it is on.
+    pub(crate) fn compensated_since(&self) -> Option<Source> {
+        self.modal.compensation.selected_at()
+    }
+
     #[inline]
     pub(super) fn compensation(&mut self, scene: &mut Scene<'_>) {
         let word = self.request.g(Group::Compensation);

@@ -6,6 +6,7 @@ use super::{Interpreter, Scene};
 use crate::dialect::{Distance, FeedMode, Group, Mode};
 use cnc_msgs::contour::{Action, MotionClass};
 use cnc_msgs::finding::Code;
+use cnc_msgs::further::{FurtherAxes, FurtherMode};
 use cnc_msgs::geometry::{AxisSet, Shape};
 
 impl Interpreter<'_> {
@@ -21,8 +22,12 @@ impl Interpreter<'_> {
             let help = "write two blocks";
             self.report_at(scene, motion, Code::ModalConflict, message, help);
         }
+        let further = self.further_values(scene);
         let mut via = self.end(scene);
         let mut named = via.named;
+        if !further.is_empty() || (named.is_empty() && self.further.is_used()) {
+            self.report_reference(scene, further, at);
+        }
         // G91 G28 Z0 homes from any position.
         let stays = (0..3).filter(|&axis| {
             let letter = AXIS_WORDS[axis];
@@ -47,6 +52,24 @@ impl Interpreter<'_> {
         self.axes.lose(named, Cause { source: self.source, word });
     }
 
+    /// G28 and G30 take X, Y and Z alone.
+    #[cold]
+    fn report_reference(&mut self, scene: &mut Scene<'_>, further: FurtherAxes, at: usize) {
+        let word = scene.quote(at);
+        let (message, help) = match further.letters() {
+            letters if letters.is_empty() => (
+                format!("{word} without axes would also move axes besides X, Y and Z"),
+                "name X, Y and Z, and move the others with G53 G0 in a block of their own",
+            ),
+            letters => (
+                format!("{word} of {letters} is not supported"),
+                "move it with G53 G0 in a block of its own",
+            ),
+        };
+        self.further.poison(further);
+        self.report_at(scene, at, Code::Unsupported, message, help);
+    }
+
     /// G53.
     pub(super) fn machine_move(&mut self, scene: &mut Scene<'_>, at: usize) {
         let position = self.axes.position;
@@ -56,6 +79,7 @@ impl Interpreter<'_> {
         self.modal.shift = shift;
         self.modal.distance = distance;
         self.axes.position = position;
+        let further = self.further_values(scene);
         let rapid = match self.modal.mode {
             Some(Mode::Rapid) => true,
             Some(Mode::Feed) => false,
@@ -90,7 +114,14 @@ impl Interpreter<'_> {
             self.axes.poison(end.named);
             return self.report_at(scene, at, Code::ModalConflict, message, help);
         }
-        if end.named.is_empty() && !self.request.has_refused_word {
+        if !rapid && !further.is_empty() {
+            let letters = further.letters();
+            let message = format!("how fast {letters} moves by G53 with G1 is not known");
+            let help = format!("move {letters} with G53 and G0");
+            self.further.poison(further);
+            return self.report_at(scene, at, Code::Unsupported, message, &help);
+        }
+        if end.named.is_empty() && further.is_empty() && !self.request.has_refused_word {
             let message = "G53 without X, Y or Z".to_owned();
             return self.report_at(
                 scene,
@@ -107,8 +138,13 @@ impl Interpreter<'_> {
                 target[axis] = end.position[axis];
             }
             let feed_mm_per_min = if rapid { 0.0 } else { self.modal.feed_mm_per_min };
+            if !further.is_empty() {
+                self.act_further(further, FurtherMode::Along);
+            }
             self.act(Action::MachineMove { target, axes: end.named, rapid, feed_mm_per_min });
         }
-        self.axes.lose(end.named, Cause { source: self.source, word: "G53" });
+        let cause = Cause { source: self.source, word: "G53" };
+        self.axes.lose(end.named, cause);
+        self.further.lose(further, cause);
     }
 }

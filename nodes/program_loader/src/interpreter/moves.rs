@@ -10,6 +10,7 @@ use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode, Spline};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
 use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
 
 /// The words of the axes, and of the centre of an arc along each.
@@ -29,6 +30,7 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn motion(&mut self, scene: &mut Scene<'_>) {
         let word = self.request.g(Group::Motion);
+        self.begin_further();
         if self.request.polar != [None; 2] {
             self.polar_words(scene, self.request.polar);
         }
@@ -80,8 +82,11 @@ impl Interpreter<'_> {
             return self.machine_move(scene, at);
         }
         if let Some(Mode::Spline(spline)) = self.modal.mode
-            && (word.is_some() || has_axes)
+            && (word.is_some() || has_axes || self.has_further())
         {
+            if self.has_further() {
+                let _ = self.further_motion(scene, true);
+            }
             return self.spline(scene, spline);
         }
         let is_arc = matches!(self.modal.mode, Some(Mode::Arc { .. }));
@@ -89,6 +94,10 @@ impl Interpreter<'_> {
         const POLAR: Letters = Letters::of(b"ABU");
         let is_polar = matches!(self.modal.mode, Some(Mode::Polar { .. }));
         let has_polar = is_polar && !self.request.present.intersection(POLAR).is_empty();
+        let from = self.further_position();
+        if self.has_further() && !self.further_motion(scene, has_axes || has_circle) {
+            return;
+        }
         if !has_axes && !has_circle && !has_polar {
             if let Some((GWord::Motion(Mode::Cycle(cycle)), at)) = word {
                 self.cycle_without_axes(scene, cycle, at);
@@ -117,8 +126,8 @@ impl Interpreter<'_> {
                 );
                 self.skip_move(scene);
             }
-            Some(Mode::Rapid) => self.straight(scene, MotionClass::Rapid),
-            Some(Mode::Feed) => self.straight(scene, MotionClass::Feed),
+            Some(Mode::Rapid) => self.straight(scene, MotionClass::Rapid, from),
+            Some(Mode::Feed) => self.straight(scene, MotionClass::Feed, from),
             Some(Mode::Arc { clockwise }) => self.arc(scene, clockwise),
             Some(Mode::Cycle(cycle)) => self.cycle(scene, cycle),
             // They have been followed above.
@@ -185,12 +194,20 @@ impl Interpreter<'_> {
     }
 
     #[inline]
-    fn straight(&mut self, scene: &mut Scene<'_>, class: MotionClass) {
+    fn straight(&mut self, scene: &mut Scene<'_>, class: MotionClass, further_from: FurtherAxes) {
         let end = self.end(scene);
-        let relied = end.relative.union(self.relied_by_compensation(end.named));
+        let mut relied = end.relative.union(self.relied_by_compensation(end.named));
+        let turns_at_feed = class == MotionClass::Feed && self.has_further_along();
+        if turns_at_feed {
+            // How far X, Y and Z go decides how fast the other axes turn.
+            relied = relied.union(end.named);
+        }
         let is_sound = self.relies(scene, relied) & self.has_feed(scene, class);
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {
+            if turns_at_feed && from == end.position {
+                return self.further_without_motion(scene, further_from);
+            }
             self.feed_of_length(class, || distance(from, end.position));
             self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, class, end.named);
@@ -231,6 +248,7 @@ impl Interpreter<'_> {
             }
             _ => 0.0,
         };
+        self.further_along();
         self.emit(ContourEventKind::Motion(Motion { shape, end, class, feed_mm_per_min, axes }));
     }
 

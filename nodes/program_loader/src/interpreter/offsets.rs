@@ -9,6 +9,7 @@ use super::{Interpreter, Scene};
 use crate::dialect::{Distance, GWord, Group, LengthWord};
 use cnc_msgs::contour::Action;
 use cnc_msgs::finding::Code;
+use cnc_msgs::further::{FurtherAxes, FurtherMode};
 use cnc_msgs::geometry::{AxisSet, Position};
 
 /// What a G word does to the zero of the program or to the machine's offsets.
@@ -48,17 +49,17 @@ impl Interpreter<'_> {
             OffsetWord::Set => return self.set_work_offset(scene, at),
             OffsetWord::Local | OffsetWord::Axis => {}
             OffsetWord::AxisOff { keeps } => {
-                if keeps && self.modal.shift != [0.0; 3] {
+                if keeps && self.is_shifted() {
                     self.modal.kept_shift = self.modal.shift;
+                    self.further.kept_shift = self.further.shift;
                 } else if !keeps {
                     self.modal.kept_shift = [0.0; 3];
+                    self.further.kept_shift = FurtherAxes::NONE;
                 }
-                self.modal.shift = [0.0; 3];
-                return;
+                return self.end_shift();
             }
             OffsetWord::AxisRestore => {
-                self.modal.shift = self.modal.kept_shift;
-                return;
+                return self.restore_shift();
             }
             OffsetWord::StoreReference { second } => {
                 self.store_reference(second);
@@ -66,14 +67,16 @@ impl Interpreter<'_> {
             }
         }
         let (named, values) = self.axis_values(scene);
-        if named.is_empty() {
+        let further = self.further_values(scene);
+        if named.is_empty() && further.is_empty() {
             let message = format!("{} without X, Y or Z", scene.quote(at));
             let help = "name the axes, or write G92.1 to count from the work offset again";
             return self.report_at(scene, at, Code::MissingWord, message, help);
         }
         if word == OffsetWord::Axis {
-            let is_known = self.relies(scene, named);
+            let is_known = self.relies(scene, named) & self.relies_on_further(scene, further);
             if !is_known || self.request.is_damaged {
+                self.further.poison(further);
                 return self.axes.poison(named);
             }
         }
@@ -87,8 +90,31 @@ impl Interpreter<'_> {
                 _ => values[axis],
             };
         }
+        let further = further.map(|axis, value| match word {
+            OffsetWord::Axis => self.further_position().get(axis).unwrap_or(0.0) - value,
+            _ => value,
+        });
         self.modal.shift = shift;
         self.modal.kept_shift = shift;
+        self.further.shift = further.or(self.further.shift);
+        self.further.kept_shift = self.further.shift;
+    }
+
+    /// Whether G52 or G92 is in force.
+    pub(super) fn is_shifted(&self) -> bool {
+        self.modal.shift != [0.0; 3] || self.further.shift.iter().any(|(_, value)| value != 0.0)
+    }
+
+    /// G92.3.
+    pub(super) fn restore_shift(&mut self) {
+        self.modal.shift = self.modal.kept_shift;
+        self.further.shift = self.further.kept_shift;
+    }
+
+    /// Counts from the work offset again.
+    pub(super) fn end_shift(&mut self) {
+        self.modal.shift = [0.0; 3];
+        self.further.shift = FurtherAxes::NONE;
     }
 
     /// Takes the axis words as they are written, in mm; none of them is a move.
@@ -109,6 +135,7 @@ impl Interpreter<'_> {
             return self.set_tool(scene, mode, system, at);
         }
         let (named, values) = self.axis_values(scene);
+        let further = self.further_values(scene);
         let turn = self.take(b'R').filter(|&angle| angle != 0.0);
         let by_position = match mode {
             Some(2) => false,
@@ -159,8 +186,15 @@ impl Interpreter<'_> {
             self.request.has_refused_word = true;
             return self.axes.poison(AxisSet::NONE.with(0).with(1));
         }
-        if self.request.is_damaged || named.is_empty() {
+        if self.request.is_damaged || (named.is_empty() && further.is_empty()) {
             return;
+        }
+        let further = further.map(|axis, value| match by_position {
+            true => value + self.further.shift.get(axis).unwrap_or(0.0),
+            false => value,
+        });
+        if !further.is_empty() {
+            self.act_further(further, FurtherMode::Along);
         }
         let mut origin = [0.0; 3];
         for axis in (0..3).filter(|&axis| named.contains(axis)) {
@@ -169,8 +203,11 @@ impl Interpreter<'_> {
         }
         self.act(Action::SetWorkOffset { system: system as u8, axes: named, origin, by_position });
         self.store_offset(system, named, (!by_position).then_some(origin));
+        self.store_further_offset(system, further, by_position);
         if system == active {
-            self.axes.lose(named, Cause { source: self.source, word: "G10" });
+            let cause = Cause { source: self.source, word: "G10" };
+            self.axes.lose(named, cause);
+            self.further.lose(further, cause);
         }
     }
 

@@ -64,9 +64,6 @@ impl Request {
             return;
         }
         if scene.rules.dialect.foreign_axes.contains(word.letter) {
-            if word.value == 0.0 && scene.rules.dialect.lexer.parameters {
-                return self.idle_axis(scene, letter, at);
-            }
             let message = format!("{letter} is not an axis of this machine");
             let help = if scene.rules.dialect.letters.contains(b'Y') {
                 "post the program for three axes: X, Y and Z"
@@ -76,18 +73,6 @@ impl Request {
             return self.refuse(scene, at, Code::Axes, message, help);
         }
         self.unknown(scene, at);
-    }
-
-    /// A rotary axis that stays at 0: posts write A0 for machines that have one. Said once.
-    fn idle_axis(&mut self, scene: &mut Scene<'_>, letter: char, at: usize) {
-        if self.idle_axes.contains(&letter) {
-            return;
-        }
-        self.idle_axes.push(letter);
-        let message = format!("{letter}0 has no effect: this machine has no axis {letter}");
-        let help = format!("post the program without {letter}; any other value is an error");
-        let finding = Finding::warning(Code::Axes, scene.source_of(at), message).help(help);
-        scene.findings.push(finding);
     }
 
     /// Checks a word that may be forbidden under compensation; returns whether it was rejected.

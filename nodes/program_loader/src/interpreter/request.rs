@@ -36,8 +36,6 @@ pub(super) struct Request {
     /// Words whose letters have no meaning, or occur a second time.
     pub(super) doubtful: Vec<usize>,
     pub(super) polar: PolarWords,
-    /// Axes that the machine does not have, and that a warning has named.
-    pub(super) idle_axes: Vec<char>,
 }
 
 impl Default for Request {
@@ -58,7 +56,6 @@ impl Default for Request {
             has_refused_code: false,
             doubtful: Vec::new(),
             polar: [None; 2],
-            idle_axes: Vec::new(),
         }
     }
 }
@@ -109,6 +106,11 @@ impl Request {
         self.present = self.present.union(Letters::of(&[letter]));
         self.values[usize::from(letter - b'A')] = value;
         self.words[usize::from(letter - b'A')] = at as u8;
+    }
+
+    /// Whether the block has a G or M word.
+    pub(super) fn has_codes(&self) -> bool {
+        self.groups != 0 || self.m_count != 0
     }
 
     /// Whether the block has only axis words, F and a motion word.

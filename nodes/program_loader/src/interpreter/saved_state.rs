@@ -114,7 +114,7 @@ impl Interpreter<'_> {
             mist: modal.mist,
             flood: modal.flood,
             returns_to_r: modal.cycle.returns_to_r,
-            is_shifted: modal.shift != [0.0; 3],
+            is_shifted: self.is_shifted(),
             length: modal.length,
             side: modal.compensation.side(),
             overrides: modal.overrides,
@@ -162,7 +162,10 @@ impl Interpreter<'_> {
         modal.spindle = saved.spindle;
         (modal.mist, modal.flood) = (saved.mist, saved.flood);
         modal.cycle.returns_to_r = saved.returns_to_r;
-        modal.shift = if saved.is_shifted { modal.kept_shift } else { [0.0; 3] };
+        match saved.is_shifted {
+            true => self.restore_shift(),
+            false => self.end_shift(),
+        }
         if self.modal.work_offset != saved.work_offset {
             self.select_work_offset(saved.work_offset);
         }

@@ -37,6 +37,7 @@ impl Scene<'_> {
                 block: self.block.number,
                 column: (self.block.start + 1) as u16,
                 length: (self.block.end - self.block.start) as u16,
+                call: self.line.call,
             };
         }
         self.line.source(self.block.number, self.block.start, self.block.end)

@@ -6,6 +6,7 @@ use crate::findings::Findings;
 use crate::parameter_file::{Stored, is_kept, is_of_the_machine};
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Position};
 
 impl Interpreter<'_> {
@@ -71,6 +72,22 @@ impl Interpreter<'_> {
             match origin {
                 Some(origin) => self.stored.insert(number, origin[axis]),
                 None => self.stored.remove(&number),
+            };
+        }
+    }
+
+    /// The same for further axes: degrees and mm.
+    pub(super) fn store_further_offset(
+        &mut self,
+        system: u32,
+        origin: FurtherAxes,
+        by_position: bool,
+    ) {
+        for (axis, value) in origin.iter() {
+            let number = 5224 + 20 * (system - 1) + axis as u32;
+            match by_position {
+                false => self.stored.insert(number, value),
+                true => self.stored.remove(&number),
             };
         }
     }

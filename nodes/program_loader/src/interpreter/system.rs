@@ -4,10 +4,12 @@
 //! that says so: a plan must not depend on it.
 
 use super::axes::Reliance;
+use super::further::FURTHER_WORDS;
 use super::{Interpreter, moves::AXIS_WORDS};
 use crate::dialect::{Distance, Mode, Units};
 use crate::expression::Trouble;
 use cnc_msgs::contour::{CutterSide, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Plane};
 
 type Value = Option<Result<f64, Trouble>>;
@@ -42,13 +44,16 @@ impl Interpreter<'_> {
             return Some(Err(Trouble::NotHere { what: (*what).to_owned() }));
         }
         match number {
-            5210 => Some(Ok(truth(self.modal.shift != [0.0; 3]))),
+            5210 => Some(Ok(truth(self.is_shifted()))),
             5211..=5213 => Some(Ok(self.modal.kept_shift[(number - 5211) as usize])),
-            5214..=5219 => Some(Ok(0.0)),
+            5214..=5219 => {
+                let kept = self.further.kept_shift.get((number - 5214) as usize);
+                Some(Ok(kept.unwrap_or(0.0)))
+            }
             5220 => Some(Ok(f64::from(self.modal.work_offset))),
             5400 => Some(self.current_tool()),
             5420..=5422 => Some(self.position_of((number - 5420) as usize)),
-            5423..=5428 => Some(Ok(0.0)),
+            5423..=5428 => Some(self.position_of_further((number - 5423) as usize)),
             _ => None,
         }
     }
@@ -60,7 +65,13 @@ impl Interpreter<'_> {
         let side = modal.compensation.side();
         match name {
             "_vmajor" => Some(Ok(2.9)),
-            "_vminor" | "_remap_level" | "_a" | "_b" | "_c" | "_u" | "_v" | "_w" => Some(Ok(0.0)),
+            "_vminor" | "_remap_level" => Some(Ok(0.0)),
+            "_a" => Some(self.position_of_further(0)),
+            "_b" => Some(self.position_of_further(1)),
+            "_c" => Some(self.position_of_further(2)),
+            "_u" => Some(self.position_of_further(3)),
+            "_v" => Some(self.position_of_further(4)),
+            "_w" => Some(self.position_of_further(5)),
             "_task" => is(false),
             "_motion_mode" => Some(Ok(self.motion_mode())),
             "_plane" => Some(Ok(match modal.plane {
@@ -140,6 +151,13 @@ impl Interpreter<'_> {
                 Ok((self.axes.position[axis] - self.modal.shift[axis]) / self.scale())
             }
         }
+    }
+
+    /// The place of A, B, C, U, V or W: degrees, or lengths in the unit in force.
+    fn position_of_further(&self, axis: usize) -> Result<f64, Trouble> {
+        let unknown = Trouble::UnknownPosition { axis: char::from(FURTHER_WORDS[axis]) };
+        let scale = if FurtherAxes::is_rotary(axis) { 1.0 } else { self.scale() };
+        self.further.programmed(axis).map(|place| place / scale).ok_or(unknown)
     }
 
     /// The number of the tool in the spindle.

@@ -5,11 +5,13 @@
 //! selection. The table itself is never changed.
 
 use super::axes::Cause;
+use super::further::FURTHER_WORDS;
 use super::{Interpreter, Scene};
 use crate::dialect::{GWord, Group, LengthWord};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{Action, RadiusSource};
 use cnc_msgs::finding::Code;
+use cnc_msgs::further::FURTHER_LETTERS;
 use cnc_msgs::geometry::AxisSet;
 use std::collections::BTreeMap;
 
@@ -95,6 +97,14 @@ impl Interpreter<'_> {
                 let message = "a tool length along X or Y is not supported".to_owned();
                 let help = "write Z only, and move the work offset by the others";
                 self.report(scene, letter, Code::Unsupported, message, help);
+            }
+        }
+        for (axis, value) in self.further_values(scene).iter() {
+            if value != 0.0 {
+                let letter = FURTHER_LETTERS[axis];
+                let message = format!("a tool length along {letter} is not supported");
+                let help = "write Z only, and move the work offset by the others";
+                self.report(scene, FURTHER_WORDS[axis], Code::Unsupported, message, help);
             }
         }
         self.take_within(scene, b'Z', scale, COORDINATE_MM_MAX, "mm")

@@ -50,7 +50,20 @@ struct Mistake {
 
 const FORM: &str = "write it like MoveLinear([X, Y], [100, 0]), with numbers only";
 
+/// Statements of AeroScript, and words that begin or end some.
+const STATEMENTS: [&str; 17] = [
+    "program", "function", "var", "if", "else", "elseif", "for", "foreach", "while", "repeat",
+    "switch", "break", "continue", "return", "goto", "end", "import",
+];
+
 impl Lexer<'_> {
+    /// Reports `$distance = 5`, the `$` at `at`.
+    #[cold]
+    pub(super) fn variable(&mut self) {
+        let help = "write the value of the variable where it is used";
+        self.rest(Code::Unsupported, "variables are not supported", help);
+    }
+
     /// Reads a name of several letters, from `start` on.
     #[cold]
     pub(super) fn name(&mut self, start: usize) {
@@ -59,6 +72,11 @@ impl Lexer<'_> {
         let end = text[start..].iter().position(|byte| !is_part(byte));
         let end = end.map_or(text.len(), |length| start + length);
         let name = String::from_utf8_lossy(&text[start..end]).into_owned();
+        if STATEMENTS.contains(&&*name) {
+            let message = format!("statements of AeroScript, like `{name}`, are not supported");
+            let help = "write the calls that it runs, one in each line, with numbers only";
+            return self.rest(Code::Unsupported, &message, help);
+        }
         let open = text[end..].iter().position(|byte| !matches!(byte, b' ' | b'\t'));
         self.at = end;
         self.covers(start);

@@ -11,7 +11,8 @@ impl Lexer<'_> {
     /// A program number at the beginning; `flow` has read it already.
     #[cold]
     pub(super) fn o_word(&mut self, digits: usize) {
-        if !self.rules.parameters {
+        let has_numbers = self.rules.programs.is_some_and(|it| it.begins.contains(&"O"));
+        if !self.rules.parameters && !has_numbers {
             return self.rest(
                 Code::Unsupported,
                 "O words are not supported",
@@ -19,7 +20,10 @@ impl Lexer<'_> {
             );
         }
         let length = self.line.text[digits..].iter().take_while(|it| it.is_ascii_digit()).count();
-        if length == 0 || !self.block.words.is_empty() || !self.block.assignments.is_empty() {
+        // After N it is no number of a program, which the flow would know.
+        let is_late = has_numbers && self.has_begun;
+        let is_alone = self.block.words.is_empty() && self.block.assignments.is_empty();
+        if length == 0 || is_late || !is_alone {
             return self.rest(
                 Code::Syntax,
                 "an O word is not at the beginning of its line",

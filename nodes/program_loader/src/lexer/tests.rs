@@ -9,7 +9,7 @@ use cnc_msgs::profile::Dialect;
 fn lex(text: &str, dialect: Dialect) -> (String, Option<u32>, Vec<String>) {
     let mut block = Block::default();
     let mut findings = Findings::default();
-    let line = Line { number: 1, text: text.as_bytes() };
+    let line = Line { number: 1, text: text.as_bytes(), call: 0 };
     let values = crate::parameters::Parameters::default();
     read(line, &dialect::of(dialect).lexer, &mut block, &mut findings, &values);
     let words: Vec<String> = block
@@ -159,7 +159,7 @@ fn a_value_may_be_an_expression() {
 fn a_block_sets_parameters_with_the_values_before_it() {
     let mut block = Block::default();
     let mut findings = Findings::default();
-    let line = Line { number: 1, text: b"#1=5 G1 X#1 #<De pth>=[#1+2.5]" };
+    let line = Line { number: 1, text: b"#1=5 G1 X#1 #<De pth>=[#1+2.5]", call: 0 };
     let mut values = crate::parameters::Parameters::default();
     values.set(&Parameter::Numbered(1), 15.0).expect("a parameter");
     read(line, &dialect::of(Dialect::Rs274).lexer, &mut block, &mut findings, &values);

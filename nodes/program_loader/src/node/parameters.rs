@@ -34,7 +34,7 @@ pub fn parameters() -> Vec<Declared> {
             "subroutine_directories",
             Vec::<String>::new(),
             "folders with the files of subroutines that a program calls and does not define: \
-             o<pocket> call reads pocket.ngc",
+             o<pocket> call reads pocket.ngc, M98 P10 on MASSO 10.nc",
         )
         .read_only(),
         Declared::new(
@@ -48,7 +48,17 @@ pub fn parameters() -> Vec<Declared> {
         Declared::new(
             "executed_blocks_max",
             FlowLimits::default().blocks_max as i64,
-            "blocks that a program with loops and subroutines may execute",
+            "blocks that a program with loops and subroutines may execute, above the lines of the \
+             program",
+        )
+        .integer_within(1, i64::from(u32::MAX))
+        .read_only(),
+        Declared::new(
+            "executed_bytes_max",
+            FlowLimits::default().bytes_max as i64,
+            "bytes of the blocks that a program with loops and subroutines may execute, each as \
+             often as it is executed, above the bytes of the program: a bound on the time, as long \
+             blocks take longer",
         )
         .integer_within(1, i64::from(u32::MAX))
         .read_only(),
@@ -73,6 +83,7 @@ pub(super) fn options(node: &Handle) -> LoadOptions {
     let depth_max = usize::try_from(node.parameter::<i64>("subroutine_depth_max"));
     let flow = FlowLimits {
         blocks_max: node.parameter::<i64>("executed_blocks_max").unsigned_abs(),
+        bytes_max: node.parameter::<i64>("executed_bytes_max").unsigned_abs(),
         depth_max: depth_max.unwrap_or(1),
     };
     LoadOptions { block_delete: node.parameter("block_delete"), flow, ..LoadOptions::default() }

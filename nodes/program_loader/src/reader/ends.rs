@@ -1,7 +1,7 @@
 //! Where a program begins and ends: `%`, the end of the text, and what stands after the end.
 
-use super::{Reader, Section};
-use crate::flow::Flow;
+use super::{Outcome, Reader, Section};
+use crate::flow::{Flow, Next};
 use crate::limits;
 use crate::line::Line;
 use cnc_msgs::contour::Source;
@@ -33,16 +33,54 @@ impl Reader<'_> {
     }
 
     fn no_end(&mut self, line: u32) {
-        let source = Source { line, column: 1, ..Source::default() };
+        let call = self.flow.as_ref().map_or(0, Flow::row);
+        let source = Source { line, column: 1, call, ..Source::default() };
         self.findings.push(match self.flow.as_ref().and_then(Flow::running) {
             Some(running) => {
                 let message = format!("the text ends within {running}");
-                Finding::error(Code::Syntax, source, message)
-                    .help("end a program that M98 calls with M99")
+                let help = match self.rules.dialect.lexer.programs {
+                    Some(programs) => format!("end a program that is called with {}", programs.end),
+                    None => "end a program that M98 calls with M99".to_owned(),
+                };
+                Finding::error(Code::Syntax, source, message).help(help)
             }
             None => Finding::warning(Code::MissingWord, source, "the program has no end")
                 .help("is the file complete? programs end with M2 or M30"),
         });
+    }
+
+    /// Reads a `%` within a program that has been called: a tape mark, or the name of another program.
+    #[inline]
+    pub(super) fn percent_in_call(&mut self, line: Line<'_>) -> Option<Outcome> {
+        let flow = self.flow.as_ref()?;
+        let programs = self.rules.dialect.lexer.programs?;
+        let visible = line.text.trim_ascii();
+        if visible.first() != Some(&b'%') || flow.depth() == 0 {
+            return None;
+        }
+        let rest = visible[1..].trim_ascii_start();
+        if rest.is_empty() || matches!(rest[0], b'(' | b';') {
+            return Some(Outcome::Line);
+        }
+        let running = flow.running().unwrap_or_default();
+        let message = format!("another program begins before the end of {running}");
+        let source = line.source(None, 0, line.text.trim_ascii_end().len());
+        let help = format!("end a program that is called with {}", programs.end);
+        self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+        self.section = Section::After { end_line: line.number, is_reported: true };
+        Some(Outcome::Stop)
+    }
+
+    /// The end of all in a program that has been called.
+    #[cold]
+    pub(super) fn end_in_call(&mut self, line: Line<'_>) -> Next {
+        let running = self.flow.as_ref().and_then(Flow::running).unwrap_or_default();
+        let end = self.rules.dialect.lexer.programs.map_or("M99", |programs| programs.end);
+        let message = format!("the end of the main program within {running}");
+        let source = line.source(self.block.number, self.block.start, self.block.end);
+        let help = format!("end a program that is called with {end}");
+        self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+        Next::Stop
     }
 
     /// Checks that the text is one block.
@@ -70,15 +108,16 @@ impl Reader<'_> {
         if visible.first() != Some(&b'%') {
             return false;
         }
+        if line.text == limits::APPENDED.as_bytes() {
+            self.end_before_appended(line);
+            return true;
+        }
+        let has_programs = self.flow.as_ref().is_some_and(Flow::has_programs);
         if !self.rules.dialect.percent_delimits {
             // The name of the program; the name of another program ends this one.
             if !is_first && self.section == Section::Within {
-                self.section = Section::After { end_line: line.number, is_reported: false };
+                self.section = Section::After { end_line: line.number, is_reported: has_programs };
             }
-            return true;
-        }
-        if line.text == limits::APPENDED.as_bytes() {
-            self.end_before_appended(line);
             return true;
         }
         let rest = visible[1..].trim_ascii();
@@ -93,10 +132,7 @@ impl Reader<'_> {
         }
         self.section = match self.section {
             Section::Before => Section::Within,
-            Section::Within => Section::After {
-                end_line: line.number,
-                is_reported: self.flow.as_ref().is_some_and(Flow::has_programs),
-            },
+            Section::Within => Section::After { end_line: line.number, is_reported: has_programs },
             after @ Section::After { .. } => after,
         };
         true

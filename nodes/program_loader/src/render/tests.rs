@@ -5,7 +5,7 @@ use cnc_msgs::finding::Code;
 use expect_test::{Expect, expect};
 
 fn at(line: u32, column: u16, length: u16) -> Source {
-    Source { line, block: None, column, length }
+    Source { line, column, length, ..Source::default() }
 }
 
 #[track_caller]

@@ -4,7 +4,7 @@
 //! so that every error is reported before the node appears.
 
 use crate::command_line::arguments::{ArgumentError, Arguments};
-use crate::command_line::environment::{Environment, EnvironmentError};
+use crate::command_line::environment::{Environment, EnvironmentError, ServiceMapping};
 use crate::command_line::log_levels::LogSettings;
 use crate::command_line::names::{NameError, Names};
 use crate::command_line::parameter_file;
@@ -22,7 +22,8 @@ pub struct Configuration {
     pub environment: Environment,
     pub parameters: Parameters,
     pub logs: LogSettings,
-    /// The keys and the rights of the node; none: nothing is protected.
+    /// The keys and the rights of the node on DDS. None: nothing is protected, or the node is on Zenoh, whose
+    /// session has them.
     pub enclave: Option<PathBuf>,
     /// The words of the command line that are not for ROS.
     pub rest: Vec<String>,
@@ -63,15 +64,27 @@ impl Configuration {
         variables: &BTreeMap<String, String>,
     ) -> Result<Self, ConfigurationError> {
         let arguments = Arguments::parse(words)?;
-        let environment = Environment::read(variables)?;
+        let mut environment = Environment::read(variables)?;
         let names = Names::new(name, &arguments.remaps)?;
         let mut warnings = arguments.warnings.clone();
         warnings.extend(environment.warnings.iter().cloned());
-        let enclave = match &environment.security {
-            Some(request) => request.enclave(arguments.enclave.as_deref())?,
-            None => None,
-        };
-        if environment.security.is_some() && enclave.is_none() {
+        let asked = arguments.enclave.as_deref();
+        let is_zenoh = environment.mapping == ServiceMapping::Queries;
+        let mut enclave = None;
+        if let Some(request) = &environment.security {
+            if is_zenoh {
+                environment.zenoh.session_config = request.zenoh_session(asked)?;
+                environment.zenoh.enclave = request.enclave(asked).to_owned();
+            } else {
+                enclave = request.dds_enclave(asked)?;
+            }
+        } else if let Some(asked) = asked {
+            environment.zenoh.enclave = asked.to_owned();
+        }
+        if environment.security.is_some()
+            && enclave.is_none()
+            && environment.zenoh.session_config.is_none()
+        {
             warnings.push(
                 "there is no such enclave, and ROS_SECURITY_STRATEGY is not Enforce: whoever \
                  reaches this node can command it"

@@ -4,6 +4,7 @@
 //! ROS 2 Jazzy and how this stack handles each.
 
 use crate::command_line::security::SecurityRequest;
+use crate::command_line::zenoh_settings::ZenohSettings;
 use std::collections::BTreeMap;
 
 /// How the identity of a request travels on the wire; all peers must agree.
@@ -13,7 +14,12 @@ pub enum ServiceMapping {
     Enhanced,
     /// In 16 bytes before the payload, as `rmw_cyclonedds_cpp` does.
     Cyclone,
+    /// As a query of Zenoh, as `rmw_zenoh_cpp` does: no DDS at all.
+    Queries,
 }
+
+/// Whether Zenoh is built in.
+pub const HAS_ZENOH: bool = cfg!(feature = "zenoh");
 
 /// The network interfaces that the node uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,10 +37,12 @@ pub enum DiscoveryRange {
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Environment {
-    /// The DDS domain, 0 to 232.
+    /// The domain, 0 to 232.
     pub domain_id: u16,
     pub range: DiscoveryRange,
     pub mapping: ServiceMapping,
+    /// How a session of Zenoh is opened, where the mapping is that of Zenoh.
+    pub zenoh: ZenohSettings,
     /// Who may talk to the node; none: every peer in reach.
     pub security: Option<SecurityRequest>,
     /// What was understood but is not done; for the log.
@@ -56,6 +64,7 @@ impl Default for Environment {
             domain_id: 0,
             range: DiscoveryRange::Localhost,
             mapping: ServiceMapping::Enhanced,
+            zenoh: ZenohSettings::default(),
             security: None,
             warnings: Vec::new(),
         }
@@ -69,7 +78,7 @@ impl Environment {
     /// corrupts it when it fragments a message; the loopback interface does not fragment.
     /// With rmw_cyclonedds_cpp the identity is in the payload.
     pub fn keeps_long_replies(&self) -> bool {
-        self.range != DiscoveryRange::Subnet || self.mapping == ServiceMapping::Cyclone
+        self.range != DiscoveryRange::Subnet || self.mapping != ServiceMapping::Enhanced
     }
 
     /// Reads the variables; an empty value counts as none, as it does in ROS 2.
@@ -134,19 +143,39 @@ impl Environment {
                 "ROS_STATIC_PEERS",
                 value,
                 "peers by address are not supported; unset it, and use \
-                 ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET on a network with multicast",
+                 ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET on a network with multicast, or a router of \
+                 Zenoh (RMW_IMPLEMENTATION=rmw_zenoh_cpp)",
             ));
         }
 
         match get("RMW_IMPLEMENTATION") {
             None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp") => {}
             Some("rmw_cyclonedds_cpp") => found.mapping = ServiceMapping::Cyclone,
+            Some("rmw_zenoh_cpp") if HAS_ZENOH => {
+                found.mapping = ServiceMapping::Queries;
+                found.zenoh = ZenohSettings::read(get)?;
+                if found.range != DiscoveryRange::Localhost {
+                    found.warnings.push(
+                        "ROS_AUTOMATIC_DISCOVERY_RANGE has no effect under rmw_zenoh_cpp: who \
+                         reaches this node is up to the router and to ZENOH_SESSION_CONFIG_URI"
+                            .to_owned(),
+                    );
+                }
+            }
+            Some(value @ "rmw_zenoh_cpp") => {
+                return Err(refuse(
+                    "RMW_IMPLEMENTATION",
+                    value,
+                    "this build has no Zenoh; build it with `cargo build --release --features \
+                     zenoh`, or use rmw_fastrtps_cpp (our default) or rmw_cyclonedds_cpp",
+                ));
+            }
             Some(value) => {
                 return Err(refuse(
                     "RMW_IMPLEMENTATION",
                     value,
-                    "services would be misread; rmw_fastrtps_cpp (our default) and \
-                     rmw_cyclonedds_cpp are supported",
+                    "services would be misread; rmw_fastrtps_cpp (our default), \
+                     rmw_cyclonedds_cpp and, where it is built in, rmw_zenoh_cpp are supported",
                 ));
             }
         }
@@ -161,6 +190,12 @@ impl Environment {
         }
 
         if get("ROS_SECURITY_ENABLE").is_some_and(|value| value.eq_ignore_ascii_case("true")) {
+            if let Some(file) = &found.zenoh.session_config {
+                let reason = "with ROS_SECURITY_ENABLE=true the session is that of the enclave: \
+                              unset one of the two";
+                let file = file.display().to_string();
+                return Err(refuse("ZENOH_SESSION_CONFIG_URI", &file, reason));
+            }
             let is_enforced = match get("ROS_SECURITY_STRATEGY") {
                 None | Some("Permissive") => false,
                 Some("Enforce") => true,
@@ -235,7 +270,38 @@ mod tests {
             |value| read(&[("RMW_IMPLEMENTATION", value)]).map(|environment| environment.mapping);
         assert_eq!(mapping("rmw_fastrtps_cpp"), Ok(ServiceMapping::Enhanced));
         assert_eq!(mapping("rmw_cyclonedds_cpp"), Ok(ServiceMapping::Cyclone));
-        assert!(mapping("rmw_zenoh_cpp").is_err());
+        assert!(mapping("rmw_connextdds").is_err());
+    }
+
+    #[test]
+    fn zenoh_is_there_where_it_is_built_in() {
+        let found = read(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]);
+        if !HAS_ZENOH {
+            let error = found.expect_err("it is not built in").to_string();
+            assert!(error.contains("--features zenoh"), "{error}");
+            return;
+        }
+        let found = found.expect("valid");
+        assert!(found.mapping == ServiceMapping::Queries && found.warnings.is_empty());
+        assert!(found.keeps_long_replies());
+        let with = |name, value| read(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp"), (name, value)]);
+        let range = with("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET").expect("valid");
+        assert!(range.warnings.iter().any(|warning| warning.contains("router")), "{range:?}");
+        assert!(with("ROS_SECURITY_ENABLE", "true").is_err(), "it names no keystore");
+        let two = [
+            ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp"),
+            ("ROS_SECURITY_ENABLE", "true"),
+            ("ROS_SECURITY_KEYSTORE", "/keys"),
+            ("ZENOH_SESSION_CONFIG_URI", "/a.json5"),
+        ];
+        assert_eq!(
+            read(&two[..3]).expect("valid").security.expect("asked").keystore,
+            std::path::Path::new("/keys")
+        );
+        let error = read(&two).expect_err("two configurations").to_string();
+        assert!(error.contains("/a.json5") && error.contains("unset one"), "{error}");
+        assert!(with("ZENOH_ROUTER_CHECK_ATTEMPTS", "often").is_err());
+        assert!(with("ROS_DOMAIN_ID", "233").is_err());
     }
 
     #[test]

@@ -13,3 +13,4 @@ pub mod names;
 mod parameter_file;
 pub mod security;
 pub mod stack_parameters;
+pub mod zenoh_settings;

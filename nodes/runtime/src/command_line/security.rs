@@ -1,8 +1,9 @@
-//! Who may talk to this node: the keystores and enclaves of SROS2.
+//! Who may talk to this node: the keystores and enclaves of SROS2, for DDS and for Zenoh.
 //!
 //! [`SecurityRequest`] is what the environment asks for and [`governance_problem`] judges a
-//! document; both are pure. [`SecurityRequest::enclave`] looks into the keystore. The
-//! cryptography is that of the DDS layer, and only built with the feature `security`.
+//! document; both are pure. [`SecurityRequest::dds_enclave`] and [`SecurityRequest::zenoh_session`] look
+//! into the keystore. The cryptography is that of the middleware: of DDS it is only built with the feature
+//! `security`.
 
 use std::path::{Path, PathBuf};
 
@@ -15,6 +16,8 @@ pub const ENCLAVE_FILES: [&str; 6] = [
     "governance.p7s",
     "permissions.p7s",
 ];
+/// The configuration of a session of Zenoh, as `config/security/make_keystore.py` names it.
+pub const ZENOH_SESSION: &str = "zenoh.json5";
 /// The certificate revocation list, which the DDS layer does not read.
 const REVOKED: &str = "crl.pem";
 /// The largest signed governance file, bytes; a usual one has 4 kB.
@@ -56,29 +59,52 @@ pub enum SecurityError {
 }
 
 impl SecurityRequest {
-    /// The folder of the enclave that this node is to be in; `argument` is `--enclave`.
+    /// The enclave that this node is to be in; `argument` is `--enclave`.
+    pub fn enclave<'a>(&'a self, argument: Option<&'a str>) -> &'a str {
+        self.enclave.as_deref().or(argument).unwrap_or("/")
+    }
+
+    /// The configuration of the session of Zenoh in the enclave of this node.
     ///
     /// `None`: there is none, and the strategy (`Permissive`) allows to start without one.
     ///
     /// # Errors
-    /// A file is missing, or asks for something that this node does not support.
-    pub fn enclave(&self, argument: Option<&str>) -> Result<Option<PathBuf>, SecurityError> {
-        if !cfg!(feature = "security") {
-            return Err(SecurityError::NotBuilt);
-        }
-        let name = self.enclave.as_deref().or(argument).unwrap_or("/");
-        let folder = self.keystore.join("enclaves").join(relative(name)?);
-        for file in ENCLAVE_FILES {
+    /// A file is missing.
+    pub fn zenoh_session(&self, argument: Option<&str>) -> Result<Option<PathBuf>, SecurityError> {
+        let folder = self.folder(self.enclave(argument), &[ZENOH_SESSION])?;
+        Ok(folder.map(|folder| folder.join(ZENOH_SESSION)))
+    }
+
+    /// The folder of an enclave, if it has these files.
+    fn folder(&self, enclave: &str, files: &[&str]) -> Result<Option<PathBuf>, SecurityError> {
+        let folder = self.keystore.join("enclaves").join(relative(enclave)?);
+        for file in files {
             let path = folder.join(file);
             match intake::file::open(&path) {
                 Ok(_) => {}
                 Err(_) if !self.is_enforced => return Ok(None),
                 Err(error) => {
-                    let (enclave, reason) = (name.to_owned(), error.to_string());
+                    let (enclave, reason) = (enclave.to_owned(), error.to_string());
                     return Err(SecurityError::File { enclave, path, reason });
                 }
             }
         }
+        Ok(Some(folder))
+    }
+
+    /// The folder of the enclave of this node on DDS.
+    ///
+    /// `None`: there is none, and the strategy (`Permissive`) allows to start without one.
+    ///
+    /// # Errors
+    /// A file is missing, or asks for something that this node does not support.
+    pub fn dds_enclave(&self, argument: Option<&str>) -> Result<Option<PathBuf>, SecurityError> {
+        if !cfg!(feature = "security") {
+            return Err(SecurityError::NotBuilt);
+        }
+        let Some(folder) = self.folder(self.enclave(argument), &ENCLAVE_FILES)? else {
+            return Ok(None);
+        };
         if folder.join(REVOKED).exists() {
             return Err(SecurityError::Revoked(folder.join(REVOKED)));
         }
@@ -214,30 +240,51 @@ mod tests {
             enclave: None,
         };
         if !cfg!(feature = "security") {
-            assert_eq!(request(true).enclave(None), Err(SecurityError::NotBuilt));
-            assert_eq!(request(false).enclave(None), Err(SecurityError::NotBuilt));
+            assert_eq!(request(true).dds_enclave(None), Err(SecurityError::NotBuilt));
+            assert_eq!(request(false).dds_enclave(None), Err(SecurityError::NotBuilt));
             return;
         }
-        let error = request(true).enclave(Some("/mill")).expect_err("there are no files");
+        let error = request(true).dds_enclave(Some("/mill")).expect_err("there are no files");
         assert!(error.to_string().contains("enclaves/mill/identity_ca.cert.pem"), "{error}");
-        assert_eq!(request(false).enclave(Some("/mill")), Ok(None));
+        assert_eq!(request(false).dds_enclave(Some("/mill")), Ok(None));
 
         let mill = folder.path().join("enclaves/mill");
         std::fs::create_dir_all(&mill).expect("created");
         for file in ENCLAVE_FILES {
             std::fs::write(mill.join(file), GOVERNANCE).expect("written");
         }
-        assert_eq!(request(true).enclave(Some("/mill")), Ok(Some(mill.clone())));
+        assert_eq!(request(true).dds_enclave(Some("/mill")), Ok(Some(mill.clone())));
         let overriding = SecurityRequest { enclave: Some("/lathe".into()), ..request(true) };
-        assert!(overriding.enclave(Some("/mill")).is_err());
+        assert!(overriding.dds_enclave(Some("/mill")).is_err());
         std::fs::write(mill.join("governance.p7s"), "hello").expect("written");
         // Either strategy refuses files that exist and are wrong.
         assert!(matches!(
-            request(false).enclave(Some("/mill")),
+            request(false).dds_enclave(Some("/mill")),
             Err(SecurityError::Governance { .. })
         ));
         std::fs::write(mill.join("governance.p7s"), GOVERNANCE).expect("written");
         std::fs::write(mill.join(REVOKED), "").expect("written");
-        assert!(matches!(request(true).enclave(Some("/mill")), Err(SecurityError::Revoked(_))));
+        assert!(matches!(request(true).dds_enclave(Some("/mill")), Err(SecurityError::Revoked(_))));
+    }
+
+    #[test]
+    fn on_zenoh_the_enclave_has_the_configuration_of_the_session() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let request = |is_enforced| SecurityRequest {
+            keystore: folder.path().into(),
+            is_enforced,
+            enclave: None,
+        };
+        let error = request(true).zenoh_session(Some("/mill")).expect_err("there is no file");
+        assert!(error.to_string().contains("enclaves/mill/zenoh.json5"), "{error}");
+        assert_eq!(request(false).zenoh_session(Some("/mill")), Ok(None));
+        let session = folder.path().join("enclaves/mill/zenoh.json5");
+        std::fs::create_dir_all(session.parent().expect("a folder")).expect("created");
+        std::fs::write(&session, "{}").expect("written");
+        assert_eq!(request(true).zenoh_session(Some("/mill")), Ok(Some(session)));
+        assert!(request(false).zenoh_session(Some("mill")).is_err());
+        let overriding = SecurityRequest { enclave: Some("/lathe".into()), ..request(true) };
+        assert_eq!(overriding.enclave(Some("/mill")), "/lathe");
+        assert!(overriding.zenoh_session(Some("/mill")).is_err());
     }
 }

@@ -6,7 +6,7 @@
 use crate::endpoints::client::{ANSWER_WITHIN, CallError, Client};
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
-use crate::endpoints::qos::Qos;
+use crate::samples::qos::Qos;
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{Chunk, ChunkError, Collector, MESSAGE_BYTES_MAX};
 use cnc_msgs::interface::{Message, Service};

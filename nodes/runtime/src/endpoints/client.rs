@@ -4,16 +4,14 @@
 //! may wait at once. A call first waits for a server, and a little longer than the match
 //! takes on this side: a server that has not yet matched this client loses the request.
 
-use crate::command_line::environment::ServiceMapping;
 use crate::endpoints::graph::Graph;
+use crate::endpoints::requests::Requests;
 use crate::endpoints::subscription::Reader;
-use crate::endpoints::wire::{CycloneHeader, Gid, padded};
-use crate::rustdds::padded::Padded;
-use crate::rustdds::received::Received;
+use crate::endpoints::wire::CycloneHeader;
+use crate::samples::gid::Gid;
+use crate::samples::sample::{Received, Sample};
 use cnc_msgs::cdr;
 use cnc_msgs::interface::Service;
-use rustdds::no_key::DataWriterCdr;
-use rustdds::{Timestamp, WriteOptionsBuilder};
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -28,6 +26,10 @@ pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 /// How long a server needs to match the client (a Cyclone server lost 5 of 5 requests
 /// without this wait, none with it).
 const SETTLE: Duration = Duration::from_millis(100);
+/// How long a router of Zenoh may take to say that there is a way to a server that has been announced.
+const WAY_WITHIN: Duration = Duration::from_secs(3);
+/// Between two looks for it.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// After this long an idempotent request is sent again.
 const RESEND_AFTER: Duration = Duration::from_secs(1);
 
@@ -35,7 +37,7 @@ const RESEND_AFTER: Duration = Duration::from_secs(1);
 pub(crate) struct Endpoints {
     pub(crate) name: String,
     pub(crate) reader: Reader,
-    pub(crate) writer: DataWriterCdr<Padded>,
+    pub(crate) requests: Requests,
 }
 
 /// Why there is no answer.
@@ -53,6 +55,13 @@ pub enum CallError {
          the same?)", waited.as_secs_f64()
     )]
     NoAnswer { service: String, waited: Duration },
+    /// There is a server, but requests do not get there.
+    #[error(
+        "no router of Zenoh passes requests of this node on to {service}, which there is: the node \
+         has no right to it (is --enclave the right one?), or its router has lost the others \
+         (docs/security.md)"
+    )]
+    NoWay { service: String },
     /// The request could not be sent.
     #[error("the request to {service} was not sent: {reason}")]
     NotSent { service: String, reason: String },
@@ -66,9 +75,8 @@ pub struct Client<S: Service> {
 
 struct Shared {
     name: String,
-    mapping: ServiceMapping,
     graph: Arc<Graph>,
-    /// The request writer and the reply reader.
+    /// What sends requests, and what receives replies.
     endpoints: [Gid; 2],
     calls: Mutex<Calls>,
 }
@@ -81,9 +89,7 @@ type DecodeReply =
     fn(&Received, bool) -> Result<(Option<CycloneHeader>, Box<dyn Any + Send>), String>;
 
 struct Calls {
-    writer: DataWriterCdr<Padded>,
-    /// The last sequence number, in the mapping where we number requests.
-    sequence: i64,
+    requests: Requests,
     waiting: BTreeMap<i64, oneshot::Sender<Answer>>,
 }
 
@@ -103,17 +109,14 @@ impl<S: Service + 'static> Client<S> {
     /// The client and the task that takes in its replies.
     pub(crate) fn new(
         endpoints: Endpoints,
-        mapping: ServiceMapping,
         graph: Arc<Graph>,
     ) -> (Self, impl Future<Output = ()> + Send + 'static) {
-        let Endpoints { name, reader, writer } = endpoints;
-        let gid = Gid::from(rustdds::RTPSEntity::guid(&writer));
+        let Endpoints { name, reader, requests } = endpoints;
         let shared = Arc::new(Shared {
             name,
-            mapping,
             graph,
-            endpoints: [gid, reader.gid()],
-            calls: Mutex::new(Calls { writer, sequence: 0, waiting: BTreeMap::new() }),
+            endpoints: [requests.gid(), reader.gid()],
+            calls: Mutex::new(Calls { requests, waiting: BTreeMap::new() }),
         });
         let decode: DecodeReply = |reply, has_header| {
             let framed = reply.decode::<S::Response>(has_header)?;
@@ -212,14 +215,27 @@ impl Shared {
         self.graph.wait_for_peers(&self.endpoints, SETTLE, deadline).await
     }
 
+    /// Waits for a server, and until requests reach it.
+    async fn wait_for_way(&self, server_within: Duration) -> Result<(), CallError> {
+        if !self.wait_for_server(server_within).await {
+            return Err(CallError::NoServer { service: self.name.clone(), waited: server_within });
+        }
+        let start = Instant::now();
+        while !self.calls().requests.reach_a_server() {
+            if start.elapsed() >= WAY_WITHIN {
+                return Err(CallError::NoWay { service: self.name.clone() });
+            }
+            tokio::time::sleep(LOOK_AGAIN).await;
+        }
+        Ok(())
+    }
+
     async fn call_once(
         &self,
         request: &[u8],
         answer_within: Duration,
     ) -> Result<Answer, CallError> {
-        if !self.wait_for_server(SERVER_WITHIN).await {
-            return Err(self.no_server(SERVER_WITHIN));
-        }
+        self.wait_for_way(SERVER_WITHIN).await?;
         let (sequence, answer) = self.send(request)?;
         let _forget = Forget { shared: self, sequences: vec![sequence] };
         match tokio::time::timeout(answer_within, answer).await {
@@ -237,9 +253,7 @@ impl Shared {
         let start = Instant::now();
         let mut forget = Forget { shared: self, sequences: Vec::new() };
         let mut answers = Vec::new();
-        if !self.wait_for_server(answer_within.min(SERVER_WITHIN)).await {
-            return Err(self.no_server(answer_within.min(SERVER_WITHIN)));
-        }
+        self.wait_for_way(answer_within.min(SERVER_WITHIN)).await?;
         loop {
             let (sequence, answer) = self.send(request)?;
             forget.sequences.push(sequence);
@@ -258,30 +272,12 @@ impl Shared {
 
     fn send(&self, request: &[u8]) -> Result<(i64, oneshot::Receiver<Answer>), CallError> {
         let mut calls = self.calls();
-        let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now());
-        let header = match self.mapping {
-            ServiceMapping::Enhanced => None,
-            ServiceMapping::Cyclone => {
-                calls.sequence += 1;
-                Some(CycloneHeader::new(self.endpoints[0], calls.sequence))
-            }
-        };
         let not_sent = |reason| CallError::NotSent { service: self.name.clone(), reason };
-        let request = padded(header, request).map_err(not_sent)?;
-        let sent = calls.writer.write_with_options(request, options.build());
-        let sent = sent.map_err(|error| not_sent(error.to_string()))?;
-        let sequence = match header {
-            Some(header) => header.sequence(),
-            None => i64::from(sent.sequence_number),
-        };
+        let sequence = calls.requests.send(request).map_err(not_sent)?;
         // The reply cannot overtake this: its receiver needs the same lock.
         let (sender, receiver) = oneshot::channel();
         calls.waiting.insert(sequence, sender);
         Ok((sequence, receiver))
-    }
-
-    fn no_server(&self, waited: Duration) -> CallError {
-        CallError::NoServer { service: self.name.clone(), waited }
     }
 
     fn no_answer(&self, waited: Duration) -> CallError {
@@ -308,17 +304,17 @@ impl Drop for Forget<'_> {
 async fn dispatch(shared: Arc<Shared>, mut replies: Reader, decode: DecodeReply) {
     let me = shared.endpoints[0];
     loop {
-        let (reply, info) = replies.next_received().await;
-        let decoded = decode(&reply, replies.has_header());
-        let Some((header, response)) = replies.valid(decoded, &info) else { continue };
-        let sequence = match (header, info.related_request_id()) {
+        let Sample { received, info, request } = replies.next_received().await;
+        let decoded = decode(&received, replies.has_header());
+        let Some((header, response)) = replies.valid(decoded, info.publisher) else { continue };
+        let sequence = match (header, request) {
             (Some(header), _) if header.client(me) == me => header.sequence(),
-            (None, Some(id)) if Gid::from(id.writer_gid) == me => id.sequence_number,
+            (None, Some(id)) if id.client == me => id.sequence,
             _ => continue,
         };
         if let Some(caller) = shared.calls().waiting.remove(&sequence) {
             // The caller may have given up meanwhile.
-            drop(caller.send((response, info.publisher_gid().into())));
+            drop(caller.send((response, info.publisher)));
         }
     }
 }

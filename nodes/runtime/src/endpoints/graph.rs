@@ -4,7 +4,7 @@
 //! remote endpoints are matched with each of ours and since when, wakes the tasks
 //! that wait for a peer, and reports peers that are refused for their QoS.
 
-use crate::endpoints::wire::Gid;
+use crate::samples::gid::Gid;
 use futures::StreamExt;
 use rustdds::{DomainParticipant, DomainParticipantStatusEvent as Event, GUID, StatusEvented};
 use std::collections::BTreeMap;
@@ -38,6 +38,24 @@ impl Graph {
 
     fn peers(&self) -> MutexGuard<'_, Peers> {
         self.peers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A remote endpoint is matched with one of ours.
+    #[cfg(feature = "zenoh")]
+    pub(crate) fn matched(&self, local: Gid, remote: Gid) {
+        self.peers().matched.entry(local).or_default().entry(remote).or_insert_with(Instant::now);
+        self.wake();
+    }
+
+    /// A remote endpoint has gone.
+    #[cfg(feature = "zenoh")]
+    pub(crate) fn lost(&self, remote: Gid) {
+        self.peers().lose(remote);
+        self.wake();
+    }
+
+    fn wake(&self) {
+        self.changes.send_modify(|count| *count = count.wrapping_add(1));
     }
 
     /// How many remote endpoints the local one is matched with.
@@ -103,7 +121,7 @@ impl Graph {
         let mut events = listener.as_async_status_stream();
         while let Some(event) = events.next().await {
             self.take(event);
-            self.changes.send_modify(|count| *count = count.wrapping_add(1));
+            self.wake();
         }
     }
 
@@ -117,10 +135,7 @@ impl Graph {
                 peers.add(local_reader, remote_writer);
             }
             Event::ReaderLost { guid, .. } | Event::WriterLost { guid, .. } => {
-                let lost = Gid::from(guid);
-                for remotes in peers.matched.values_mut() {
-                    remotes.remove(&lost);
-                }
+                peers.lose(guid.into());
             }
             Event::ParticipantDiscovered { dpd } => {
                 let participant = Gid::from(dpd.guid).participant();
@@ -153,6 +168,12 @@ impl Graph {
 }
 
 impl Peers {
+    fn lose(&mut self, lost: Gid) {
+        for remotes in self.matched.values_mut() {
+            remotes.remove(&lost);
+        }
+    }
+
     fn add(&mut self, local: GUID, remote: GUID) {
         let remotes = self.matched.entry(local.into()).or_default();
         remotes.entry(remote.into()).or_insert_with(Instant::now);

@@ -6,32 +6,23 @@
 //! that a single endpoint is gone.
 
 use crate::command_line::configuration::Configuration;
-use crate::command_line::environment::{Environment, ServiceMapping};
+use crate::command_line::environment::Environment;
 use crate::command_line::names::{Names, Scope};
-use crate::endpoints::client::{Client, Endpoints};
-use crate::endpoints::error::{NodeError, failed};
+use crate::endpoints::client::Client;
+use crate::endpoints::error::NodeError;
 use crate::endpoints::graph::Graph;
+use crate::endpoints::middleware::Middleware;
 use crate::endpoints::other_middleware::mismatch;
 use crate::endpoints::publisher::Publisher;
-use crate::endpoints::qos::Qos;
-use crate::endpoints::service::{
-    Overload, Replies, Request, RequestInfo, Server, UNACKNOWLEDGED_MAX,
-};
+use crate::endpoints::service::{Overload, Replying, Request, RequestInfo, Server};
 use crate::endpoints::subscription::{Reader, Subscription};
-use crate::endpoints::wire::{dds_type, service_topics, service_types};
 use crate::parameters::live::LiveParameters;
 use crate::process::lifecycle_states::LifecycleState;
-use crate::process::lock;
 use crate::process::memory::Memory;
 use crate::process::shutdown::Shutdown;
 use crate::process::time::{Clock, RosTime};
-use crate::rustdds::dropped_publishers::DroppedPublishers;
-use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
-use crate::rustdds::padded::Padded;
+use crate::samples::qos::Qos;
 use cnc_msgs::interface::{Message, Service};
-use rustdds::no_key::DataWriterCdr;
-use rustdds::policy::ResourceLimits;
-use rustdds::{DomainParticipant, QosPolicies, QosPolicyBuilder, Topic, TopicKind};
 use std::sync::{Arc, Mutex, OnceLock};
 use tokio::task::JoinSet;
 
@@ -47,22 +38,15 @@ pub(crate) struct Inner {
     pub(crate) configuration: Configuration,
     pub(crate) names: Names,
     pub(crate) environment: Environment,
-    /// `None` once the node is being taken down.
-    pub(crate) node: Mutex<Option<ros2_client::Node>>,
-    pub(crate) participant: DomainParticipant,
-    /// Makes the writers that ros2-client cannot make.
-    pub(crate) writers: rustdds::Publisher,
-    /// Limits how fast endpoints are made.
-    pub(crate) endpoint_rate: EndpointRateLimit,
+    pub(crate) middleware: Middleware,
     pub(crate) graph: Arc<Graph>,
     pub(crate) parameters: Arc<LiveParameters>,
     pub(crate) clock: Arc<Clock>,
     /// `None` while the node is not managed.
     pub(crate) lifecycle: tokio::sync::watch::Sender<Option<LifecycleState>>,
     pub(crate) shutdown: Shutdown,
-    /// Why the DDS layer does not serve this node any more; `None` while it does.
+    /// Why the middleware does not serve this node any more; `None` while it does.
     pub(crate) deaf: tokio::sync::watch::Sender<Option<String>>,
-    pub(crate) dropped_publishers: DroppedPublishers,
     pub(crate) tasks: Mutex<JoinSet<()>>,
     pub(crate) memory: OnceLock<Memory>,
 }
@@ -94,7 +78,7 @@ impl Handle {
         &self.inner.shutdown
     }
 
-    /// Waits until the DDS layer no longer serves this node, and returns the reason. From then on
+    /// Waits until the middleware no longer serves this node, and returns the reason. From then on
     /// the node can neither send nor receive.
     pub async fn deaf(&self) -> String {
         let mut deaf = self.inner.deaf.subscribe();
@@ -122,7 +106,7 @@ impl Handle {
     /// Publishes `T` on `topic` (relative, `~/private` or absolute).
     ///
     /// # Errors
-    /// The name is not valid, or DDS refused.
+    /// The name is not valid, or the middleware refused.
     pub fn publisher<T: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<T>, NodeError> {
         self.publisher_of(topic, T::TYPE_NAME, qos)
     }
@@ -135,26 +119,14 @@ impl Handle {
         qos: Qos,
     ) -> Result<Publisher<T>, NodeError> {
         let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
-        let inner = self.padded_publisher(&name, type_name, qos)?;
-        let dropped_publishers = self.inner.dropped_publishers.clone();
-        Ok(Publisher::new(name, inner, Arc::clone(&self.inner.graph), dropped_publishers))
-    }
-
-    fn padded_publisher(
-        &self,
-        name: &str,
-        type_name: &str,
-        qos: Qos,
-    ) -> Result<ros2_client::Publisher<Padded>, NodeError> {
-        self.ros_endpoint(name, type_name, qos, |dds| {
-            self.with_node(name, |node| node.create_publisher(dds, None))
-        })
+        let outgoing = self.inner.middleware.publisher(&name, type_name, qos)?;
+        Ok(Publisher::new(name, outgoing, Arc::clone(&self.inner.graph)))
     }
 
     /// Subscribes `T` on `topic`; up to `qos.depth` samples may wait unread.
     ///
     /// # Errors
-    /// The name is not valid, or DDS refused.
+    /// The name is not valid, or the middleware refused.
     pub fn subscription<T: Message>(
         &self,
         topic: &str,
@@ -171,13 +143,13 @@ impl Handle {
         qos: Qos,
     ) -> Result<Subscription<T>, NodeError> {
         let name = self.inner.names.resolve_as(topic, Scope::Topic)?;
-        Ok(Subscription::new(self.ros_reader(&name, type_name, qos)?))
+        Ok(Subscription::new(self.inner.middleware.subscription(&name, type_name, qos)?))
     }
 
     /// Offers a service; requests are answered one after the other, in order.
     ///
     /// # Errors
-    /// The name is not valid, or DDS refused.
+    /// The name is not valid, or the middleware refused.
     pub fn service<S, F, Fut>(&self, name: &str, handler: F) -> Result<(), NodeError>
     where
         S: Service + 'static,
@@ -194,7 +166,7 @@ impl Handle {
     /// Offers a service whose answers may take long and come in any order.
     ///
     /// # Errors
-    /// The name is not valid, or DDS refused.
+    /// The name is not valid, or the middleware refused.
     pub fn concurrent_service<S, F, Fut>(&self, name: &str, handler: F) -> Result<(), NodeError>
     where
         S: Service + 'static,
@@ -231,37 +203,15 @@ impl Handle {
         &self,
         name: &str,
         type_name: &str,
-    ) -> Result<(Reader, Replies), NodeError> {
+    ) -> Result<(Reader, Replying), NodeError> {
         let name = self.inner.names.resolve_as(name, Scope::Service)?;
-        let (request_topic, reply_topic) = service_topics(&name);
-        let (request_type, reply_type) = service_types(type_name);
-        let handle = self.clone();
-        let policies = QosPolicyBuilder::new()
-            .resource_limits(ResourceLimits {
-                max_samples: UNACKNOWLEDGED_MAX,
-                max_instances: -1,
-                max_samples_per_instance: UNACKNOWLEDGED_MAX,
-            })
-            .build();
-        let new_writer =
-            Box::new(move || handle.writer(&reply_topic, &reply_type, Some(policies.clone())));
-        let replies = Replies::new(&name, &self.inner.environment, new_writer)?;
-        let has_header = self.has_header();
-        let label = format!("requests of {name}");
-        let reader =
-            self.reader(label, &request_topic, &request_type, Qos::SERVICES, has_header)?;
-        Ok((reader, replies))
-    }
-
-    /// Whether the service mapping puts a header before requests and replies.
-    fn has_header(&self) -> bool {
-        self.inner.environment.mapping == ServiceMapping::Cyclone
+        self.inner.middleware.server(&name, type_name)
     }
 
     /// Makes a client of a service.
     ///
     /// # Errors
-    /// The name is not valid, or DDS refused.
+    /// The name is not valid, or the middleware refused.
     pub fn client<S: Service + 'static>(&self, name: &str) -> Result<Client<S>, NodeError> {
         self.client_of(name, S::TYPE_NAME)
     }
@@ -272,104 +222,11 @@ impl Handle {
         name: &str,
         type_name: &str,
     ) -> Result<Client<S>, NodeError> {
-        let endpoints = self.client_endpoints(name, type_name)?;
-        let mapping = self.inner.environment.mapping;
-        let (client, dispatch) = Client::new(endpoints, mapping, Arc::clone(&self.inner.graph));
+        let name = self.inner.names.resolve_as(name, Scope::Service)?;
+        let endpoints = self.inner.middleware.client(&name, type_name)?;
+        let (client, dispatch) = Client::new(endpoints, Arc::clone(&self.inner.graph));
         self.spawn("replies", dispatch);
         Ok(client)
-    }
-
-    fn client_endpoints(&self, name: &str, type_name: &str) -> Result<Endpoints, NodeError> {
-        let name = self.inner.names.resolve_as(name, Scope::Service)?;
-        let (request_topic, reply_topic) = service_topics(&name);
-        let (request_type, reply_type) = service_types(type_name);
-        let has_header = self.has_header();
-        let label = format!("replies of {name}");
-        let reader = self.reader(label, &reply_topic, &reply_type, Qos::SERVICES, has_header)?;
-        let writer = self.writer(&request_topic, &request_type, None)?;
-        Ok(Endpoints { name, reader, writer })
-    }
-
-    pub(crate) fn participant(&self) -> &DomainParticipant {
-        &self.inner.participant
-    }
-
-    /// Makes an endpoint on an absolute ROS topic.
-    pub(crate) fn ros_endpoint<R>(
-        &self,
-        name: &str,
-        type_name: &str,
-        qos: Qos,
-        make: impl FnOnce(&Topic) -> Result<R, NodeError>,
-    ) -> Result<R, NodeError> {
-        self.endpoint(&format!("rt{name}"), &dds_type(type_name, ""), qos, make)
-    }
-
-    /// Makes an endpoint on a DDS topic, when the rate limit allows it.
-    fn endpoint<R>(
-        &self,
-        topic: &str,
-        dds_type: &str,
-        qos: Qos,
-        make: impl FnOnce(&Topic) -> Result<R, NodeError>,
-    ) -> Result<R, NodeError> {
-        let _turn = self.inner.endpoint_rate.turn();
-        let topic = self
-            .inner
-            .participant
-            .create_topic(topic.to_owned(), dds_type.to_owned(), &qos.policies(), TopicKind::NoKey)
-            .map_err(|error| failed(topic, &error))?;
-        make(&topic)
-    }
-
-    /// Makes a reader on an absolute ROS topic, for samples of any type.
-    pub(crate) fn ros_reader(
-        &self,
-        name: &str,
-        type_name: &str,
-        qos: Qos,
-    ) -> Result<Reader, NodeError> {
-        let (dds_name, dds_type) = (format!("rt{name}"), dds_type(type_name, ""));
-        self.reader(name.to_owned(), &dds_name, &dds_type, qos, false)
-    }
-
-    fn reader(
-        &self,
-        label: String,
-        topic: &str,
-        dds_type: &str,
-        qos: Qos,
-        has_header: bool,
-    ) -> Result<Reader, NodeError> {
-        let inner = self.endpoint(topic, dds_type, qos, |topic| {
-            self.with_node(&label, |node| node.create_subscription(topic, None))
-        })?;
-        Ok(Reader::new(label, inner, has_header))
-    }
-
-    fn writer(
-        &self,
-        topic: &str,
-        dds_type: &str,
-        policies: Option<QosPolicies>,
-    ) -> Result<DataWriterCdr<Padded>, NodeError> {
-        self.endpoint(topic, dds_type, Qos::SERVICES, |dds| {
-            self.inner
-                .writers
-                .create_datawriter_no_key_cdr(dds, policies)
-                .map_err(|error| failed(topic, &error))
-        })
-    }
-
-    fn with_node<R>(
-        &self,
-        what: &str,
-        make: impl FnOnce(&mut ros2_client::Node) -> ros2_client::CreateResult<R>,
-    ) -> Result<R, NodeError> {
-        match lock(&self.inner.node).as_mut() {
-            Some(node) => make(node).map_err(|error| failed(what, &error)),
-            None => Err(NodeError::Stopping { what: what.to_owned() }),
-        }
     }
 }
 

@@ -4,9 +4,8 @@
 //! the sample is dropped, counted, and reported at most every ten seconds.
 
 use crate::endpoints::graph::Graph;
-use crate::endpoints::wire::{Gid, padded};
-use crate::rustdds::dropped_publishers::DroppedPublishers;
-use crate::rustdds::padded::Padded;
+use crate::endpoints::middleware::Outgoing;
+use crate::samples::gid::Gid;
 use cnc_msgs::cdr;
 use cnc_msgs::interface::Message;
 use std::marker::PhantomData;
@@ -19,35 +18,15 @@ const REPORT_PERIOD: Duration = Duration::from_secs(10);
 
 /// A typed publisher; may be shared between threads.
 pub struct Publisher<T: Message> {
-    /// `None` only while this is dropped.
-    inner: Option<ros2_client::Publisher<Padded>>,
+    outgoing: Outgoing,
     graph: Arc<Graph>,
-    dropped_publishers: DroppedPublishers,
     drops: Drops,
     message: PhantomData<fn(T)>,
 }
 
-impl<T: Message> Drop for Publisher<T> {
-    fn drop(&mut self) {
-        if let Some(inner) = self.inner.take() {
-            self.dropped_publishers.keep_while_stopping(inner);
-        }
-    }
-}
-
 impl<T: Message> Publisher<T> {
-    pub(crate) fn new(
-        topic: String,
-        inner: ros2_client::Publisher<Padded>,
-        graph: Arc<Graph>,
-        dropped_publishers: DroppedPublishers,
-    ) -> Self {
-        let drops = Drops::new(topic);
-        Self { inner: Some(inner), graph, dropped_publishers, drops, message: PhantomData }
-    }
-
-    fn inner(&self) -> &ros2_client::Publisher<Padded> {
-        self.inner.as_ref().expect("it is taken by drop alone")
+    pub(crate) fn new(topic: String, outgoing: Outgoing, graph: Arc<Graph>) -> Self {
+        Self { outgoing, graph, drops: Drops::new(topic), message: PhantomData }
     }
 
     /// Passes a message to the transport, stamped with the wall time; returns
@@ -57,8 +36,7 @@ impl<T: Message> Publisher<T> {
     }
 
     fn publish_body(&self, body: &[u8]) -> bool {
-        let sent = padded(None, body)
-            .and_then(|message| self.inner().publish(message).map_err(|error| error.to_string()));
+        let sent = self.outgoing.publish(body);
         sent.map_err(|reason| self.drops.add(&reason)).is_ok()
     }
 
@@ -84,7 +62,7 @@ impl<T: Message> Publisher<T> {
 
     /// The endpoint's own address.
     pub fn gid(&self) -> Gid {
-        self.inner().guid().into()
+        self.outgoing.gid()
     }
 }
 

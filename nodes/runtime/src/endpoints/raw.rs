@@ -5,18 +5,14 @@
 //! `ros2 topic info -v` names it.
 
 use crate::command_line::names::Scope;
-use crate::endpoints::error::{NodeError, failed};
+use crate::endpoints::error::NodeError;
+use crate::endpoints::middleware::RawOutgoing;
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Drops;
-use crate::endpoints::qos::Qos;
-use crate::endpoints::subscription::{Reader, SampleInfo, sample_info};
-use crate::endpoints::wire::{Gid, ros_type};
-use crate::rustdds::padded::Padded;
-use crate::rustdds::received::{ByteOrder, Received};
-use rustdds::Timestamp;
-use rustdds::dds::CreateError;
-use rustdds::no_key::DataWriterCdr;
-use rustdds::policy::{Durability, Reliability};
+use crate::endpoints::subscription::Reader;
+use crate::samples::gid::Gid;
+use crate::samples::qos::Qos;
+use crate::samples::sample::{ByteOrder, Received, SampleInfo};
 
 /// A publisher of another node, as it announced itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -25,7 +21,7 @@ pub struct DiscoveredPublisher {
     pub topic: String,
     /// `package/msg/Type`.
     pub type_name: String,
-    /// Its QoS. Discovery does not carry the depth; it is 0 here.
+    /// Its QoS. The discovery of DDS does not carry the depth; it is 0 then.
     pub qos: Qos,
     /// Its deadline period, if it offers one, in nanoseconds.
     pub deadline_ns: Option<i64>,
@@ -40,7 +36,7 @@ pub struct DiscoveredPublisher {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RawSample {
     /// Four bytes that name the encoding, then the payload, padded to a
-    /// multiple of four as it was on the wire.
+    /// multiple of four where the wire of DDS did so.
     pub bytes: Vec<u8>,
     pub info: SampleInfo,
 }
@@ -53,7 +49,7 @@ pub struct RawSubscription {
 
 /// A publisher of bytes.
 pub struct RawPublisher {
-    writer: DataWriterCdr<Padded>,
+    writer: RawOutgoing,
     drops: Drops,
 }
 
@@ -61,33 +57,7 @@ impl Handle {
     /// The publishers of other nodes on ROS topics, by topic and address;
     /// services and actions' services are not among them, actions' topics are.
     pub fn discovered_publishers(&self) -> Vec<DiscoveredPublisher> {
-        let mut found: Vec<_> = self
-            .participant()
-            .discovered_writers()
-            .into_iter()
-            .filter_map(|writer| {
-                let data = writer.publication_topic_data;
-                let nanos = |duration: rustdds::Duration| {
-                    (duration != rustdds::Duration::INFINITE).then(|| duration.to_nanoseconds())
-                };
-                Some(DiscoveredPublisher {
-                    topic: data.topic_name.strip_prefix("rt")?.to_owned(),
-                    type_name: ros_type(&data.type_name),
-                    qos: Qos {
-                        reliable: matches!(data.reliability, Some(Reliability::Reliable { .. })),
-                        transient_local: !matches!(
-                            data.durability,
-                            None | Some(Durability::Volatile)
-                        ),
-                        depth: 0,
-                    },
-                    deadline_ns: data.deadline.and_then(|deadline| nanos(deadline.0)),
-                    lifespan_ns: data.lifespan.and_then(|lifespan| nanos(lifespan.duration)),
-                    type_hash: type_hash(&writer.user_data),
-                    gid: data.key.into(),
-                })
-            })
-            .collect();
+        let mut found = self.inner.middleware.discovered_publishers();
         found.sort_by(|a, b| (&a.topic, a.gid).cmp(&(&b.topic, b.gid)));
         found
     }
@@ -106,7 +76,7 @@ impl Handle {
         qos: Qos,
     ) -> Result<RawSubscription, NodeError> {
         let name = self.names().resolve_as(topic, Scope::Topic)?;
-        let reader = self.ros_reader(&name, type_name, qos)?;
+        let reader = self.inner.middleware.subscription(&name, type_name, qos)?;
         Ok(RawSubscription { topic: name, reader })
     }
 
@@ -121,11 +91,7 @@ impl Handle {
         qos: Qos,
     ) -> Result<RawPublisher, NodeError> {
         let name = self.names().resolve_as(topic, Scope::Topic)?;
-        let failed = |reason: CreateError| failed(&name, &reason);
-        let publisher = self.participant().create_publisher(&qos.policies()).map_err(failed)?;
-        let writer = self.ros_endpoint(&name, type_name, qos, |dds| {
-            publisher.create_datawriter_no_key_cdr(dds, None).map_err(failed)
-        })?;
+        let writer = self.inner.middleware.raw_publisher(&name, type_name, qos)?;
         Ok(RawPublisher { writer, drops: Drops::new(name) })
     }
 }
@@ -134,8 +100,8 @@ impl RawSubscription {
     /// The next sample, in the order of arrival. Never ends by itself; may be
     /// dropped while it waits without losing a sample.
     pub async fn next(&mut self) -> RawSample {
-        let (received, info) = self.reader.next_received().await;
-        RawSample { bytes: encapsulated(&received), info: sample_info(&info) }
+        let sample = self.reader.next_received().await;
+        RawSample { bytes: encapsulated(&sample.received), info: sample.info }
     }
 
     /// The absolute name of the topic.
@@ -158,16 +124,13 @@ impl RawPublisher {
             self.drops.add("only little-endian CDR can be published as it is");
             return false;
         };
-        let sent = Padded::new(&[], payload).and_then(|payload| {
-            let written = self.writer.write(payload, Some(Timestamp::now()));
-            written.map_err(|error| error.to_string())
-        });
+        let sent = self.writer.publish(payload);
         sent.map_err(|reason| self.drops.add(&reason)).is_ok()
     }
 
     /// The endpoint's own address.
     pub fn gid(&self) -> Gid {
-        rustdds::RTPSEntity::guid(&self.writer).into()
+        self.writer.gid()
     }
 }
 
@@ -181,15 +144,6 @@ fn encapsulated(received: &Received) -> Vec<u8> {
     bytes.extend_from_slice(&[0, order, 0, 0]);
     bytes.extend_from_slice(&received.bytes);
     bytes
-}
-
-/// `typehash=RIHS01_...;` in the data that a ROS middleware adds to an
-/// endpoint, after its length.
-fn type_hash(user_data: &[u8]) -> Option<String> {
-    let text = String::from_utf8_lossy(user_data.get(4..)?);
-    let (_, rest) = text.split_once("typehash=")?;
-    let (hash, _) = rest.split_once(';')?;
-    hash.starts_with("RIHS01_").then(|| hash.to_owned())
 }
 
 impl std::fmt::Debug for RawSubscription {
@@ -213,15 +167,5 @@ mod tests {
         let of = |order| encapsulated(&Received { bytes: vec![7, 8], order });
         assert_eq!(of(ByteOrder::Little), [0, 1, 0, 0, 7, 8]);
         assert_eq!(of(ByteOrder::Big), [0, 0, 0, 0, 7, 8]);
-    }
-
-    #[test]
-    fn the_type_hash_is_found_after_its_length() {
-        let mut data = vec![18, 0, 0, 0];
-        data.extend_from_slice(b"typehash=RIHS01_df66;");
-        assert_eq!(type_hash(&data).as_deref(), Some("RIHS01_df66"));
-        for data in [&b""[..], b"abc", b"\0\0\0\0typehash=;", b"\0\0\0\0typehash=RIHS01_df"] {
-            assert_eq!(type_hash(data), None);
-        }
     }
 }

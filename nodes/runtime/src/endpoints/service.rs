@@ -12,15 +12,15 @@ mod client_readers;
 mod replies;
 
 use crate::endpoints::graph::Graph;
-use crate::endpoints::subscription::{Reader, sample_info};
-use crate::endpoints::wire::{CycloneHeader, Gid};
+use crate::endpoints::subscription::Reader;
+use crate::endpoints::wire::CycloneHeader;
 use crate::process::time::RosTime;
-use crate::rustdds::received::Received;
+use crate::samples::gid::Gid;
+use crate::samples::sample::{Received, RequestId, Sample};
 use answers::Answers;
 use cnc_msgs::cdr;
 use cnc_msgs::interface::Service;
 pub(crate) use replies::{Replies, UNACKNOWLEDGED_MAX};
-use ros2_client::MessageInfo;
 use std::collections::VecDeque;
 use std::future::Future;
 use std::pin::Pin;
@@ -63,6 +63,34 @@ impl From<&RequestInfo> for Gid {
 /// A request and its sender.
 pub(crate) type Request<S> = (<S as Service>::Request, RequestInfo);
 
+/// What sends the replies of a service.
+pub(crate) enum Replying {
+    Dds(Replies),
+    #[cfg(feature = "zenoh")]
+    Zenoh(crate::zenoh::server::Answers),
+}
+
+/// The same, once it serves.
+#[derive(Clone)]
+enum Answering {
+    Dds(Answers),
+    #[cfg(feature = "zenoh")]
+    Zenoh(crate::zenoh::server::Answers),
+}
+
+impl Answering {
+    /// Sends an answer, the CDR of a response.
+    fn send(&self, to: RequestInfo, response: Vec<u8>) {
+        match self {
+            Self::Dds(answers) => answers.send(to, response),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(answers) => {
+                answers.send(RequestId { client: to.client, sequence: to.sequence }, &response);
+            }
+        }
+    }
+}
+
 /// Makes the answer to a request: the CDR of the response.
 ///
 /// Of one type for all services, so that serving is compiled once.
@@ -72,7 +100,7 @@ type MakingAnswer = Pin<Box<dyn Future<Output = Vec<u8>> + Send>>;
 /// A service server.
 pub(crate) struct Server {
     reader: Reader,
-    answers: Answers,
+    answers: Answering,
     handler: Handler,
     /// What is asked again of requests that the previous process did not answer.
     earlier: Vec<(MakingAnswer, RequestInfo)>,
@@ -82,7 +110,7 @@ impl Server {
     /// The handler also gets the `earlier` requests, first.
     pub(crate) fn new<S, F, Fut>(
         reader: Reader,
-        replies: Replies,
+        replies: Replying,
         graph: Arc<Graph>,
         earlier: Vec<Request<S>>,
         mut handler: F,
@@ -102,17 +130,22 @@ impl Server {
         let handler: Handler = Box::new(move |request, info| {
             Ok(answer(request.decode::<S::Request>(has_header)?.body, info))
         });
-        Self { reader, answers: Answers::new(replies, graph), handler, earlier }
+        let answers = match replies {
+            Replying::Dds(replies) => Answering::Dds(Answers::new(replies, graph)),
+            #[cfg(feature = "zenoh")]
+            Replying::Zenoh(answers) => Answering::Zenoh(answers),
+        };
+        Self { reader, answers, handler, earlier }
     }
 
     /// The next valid request, with the future that makes its answer.
     async fn next(&mut self) -> (MakingAnswer, RequestInfo) {
         loop {
-            let (request, sample) = self.reader.next_received().await;
-            let header = request.header(self.reader.has_header());
+            let sample = self.reader.next_received().await;
+            let header = sample.received.header(self.reader.has_header());
             let info = request_info(header, &sample);
-            let answer = (self.handler)(&request, info);
-            if let Some(answer) = self.reader.valid(answer, &sample) {
+            let answer = (self.handler)(&sample.received, info);
+            if let Some(answer) = self.reader.valid(answer, info.writer) {
                 return (answer, info);
             }
         }
@@ -159,19 +192,25 @@ impl Server {
     }
 }
 
-fn request_info(header: Option<CycloneHeader>, info: &MessageInfo) -> RequestInfo {
-    let sample = sample_info(info);
-    let (client, sequence) = match (header, info.related_request_id()) {
-        (Some(header), _) => (header.client(sample.publisher), header.sequence()),
-        // Fast DDS names the client and leaves the number to the sample.
-        (None, Some(id)) if id.sequence_number == UNKNOWN_SEQUENCE => {
-            (id.writer_gid.into(), sample.sequence)
+fn request_info(header: Option<CycloneHeader>, sample: &Sample) -> RequestInfo {
+    let info = sample.info;
+    let id = match (header, sample.request) {
+        (Some(header), _) => {
+            RequestId { client: header.client(info.publisher), sequence: header.sequence() }
         }
-        (None, Some(id)) => (id.writer_gid.into(), id.sequence_number),
-        (None, None) => (sample.publisher, sample.sequence),
+        // Fast DDS names the client and leaves the number to the sample.
+        (None, Some(id)) if id.sequence == UNKNOWN_SEQUENCE => {
+            RequestId { client: id.client, sequence: info.sequence }
+        }
+        (None, Some(id)) => id,
+        (None, None) => RequestId { client: info.publisher, sequence: info.sequence },
     };
-    let reception_time = sample.reception_time;
-    RequestInfo { writer: sample.publisher, client, sequence, reception_time }
+    RequestInfo {
+        writer: info.publisher,
+        client: id.client,
+        sequence: id.sequence,
+        reception_time: info.reception_time,
+    }
 }
 
 /// `SEQUENCENUMBER_UNKNOWN` of RTPS: the high half -1, the low half 0.

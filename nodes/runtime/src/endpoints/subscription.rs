@@ -4,35 +4,14 @@
 //! there is no second queue and no background task. A sample whose bytes do not
 //! fit the type is counted, logged once per sender, and skipped.
 
-use crate::endpoints::wire::{Framed, Gid};
-use crate::process::time::RosTime;
-use crate::rustdds::received::{AsReceived, Received};
+use crate::endpoints::middleware::Incoming;
+use crate::endpoints::wire::Framed;
+use crate::samples::gid::Gid;
+use crate::samples::sample::{Sample, SampleInfo};
 use cnc_msgs::interface::Message;
-use futures::StreamExt;
-use ros2_client::MessageInfo;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::marker::PhantomData;
-use std::pin::pin;
-
-/// Where and when a sample came from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SampleInfo {
-    /// The endpoint that sent it.
-    pub publisher: Gid,
-    /// Its number at that endpoint, from 1; a gap is a lost sample.
-    pub sequence: i64,
-    /// Wall time at the sender, if the sample has it.
-    pub source_time: Option<RosTime>,
-    /// Wall time at which it arrived here.
-    pub reception_time: RosTime,
-}
-
-impl From<&SampleInfo> for Gid {
-    fn from(info: &SampleInfo) -> Self {
-        info.publisher
-    }
-}
 
 /// A typed subscription; it lives as long as the value.
 pub struct Subscription<T: Message> {
@@ -51,14 +30,14 @@ impl<T: Message> Subscription<T> {
     /// a sample.
     pub async fn next(&mut self) -> (T, SampleInfo) {
         let (framed, info) = self.reader.next().await;
-        (framed.body, sample_info(&info))
+        (framed.body, info)
     }
 
     /// The samples that are here already, oldest first.
     pub fn drain(&mut self) -> Vec<(T, SampleInfo)> {
         let mut samples = Vec::new();
         while let Some((framed, info)) = self.reader.take::<T>() {
-            samples.push((framed.body, sample_info(&info)));
+            samples.push((framed.body, info));
         }
         samples
     }
@@ -105,7 +84,7 @@ impl<T: Message> std::fmt::Debug for Subscription<T> {
 /// The reader of topics, requests and replies.
 pub(crate) struct Reader {
     topic: String,
-    inner: ros2_client::Subscription<Received>,
+    incoming: Incoming,
     /// Whether the mapping puts a [`CycloneHeader`](crate::wire::CycloneHeader) before samples.
     has_header: bool,
     undecodable: u64,
@@ -116,72 +95,60 @@ pub(crate) struct Reader {
 const WARNED_SENDERS_MAX: usize = 1000;
 
 impl Reader {
-    pub(crate) fn new(
-        topic: String,
-        inner: ros2_client::Subscription<Received>,
-        has_header: bool,
-    ) -> Self {
-        Self { topic, inner, has_header, undecodable: 0, warned_senders: BTreeSet::new() }
+    pub(crate) fn new(topic: String, incoming: Incoming, has_header: bool) -> Self {
+        Self { topic, incoming, has_header, undecodable: 0, warned_senders: BTreeSet::new() }
     }
 
     pub(crate) fn gid(&self) -> Gid {
-        self.inner.guid().into()
+        self.incoming.gid()
     }
 
     /// The next valid sample.
-    pub(crate) async fn next<T: DeserializeOwned>(&mut self) -> (Framed<T>, MessageInfo) {
+    pub(crate) async fn next<T: DeserializeOwned>(&mut self) -> (Framed<T>, SampleInfo) {
         loop {
-            let (sample, info) = self.next_received().await;
-            if let Some(framed) = self.decode(&sample, &info) {
-                return (framed, info);
+            let sample = self.next_received().await;
+            if let Some(framed) = self.decode(&sample) {
+                return (framed, sample.info);
             }
         }
     }
 
-    fn take<T: DeserializeOwned>(&mut self) -> Option<(Framed<T>, MessageInfo)> {
+    fn take<T: DeserializeOwned>(&mut self) -> Option<(Framed<T>, SampleInfo)> {
         loop {
-            let (sample, info) = self.take_received()?;
-            if let Some(framed) = self.decode(&sample, &info) {
-                return Some((framed, info));
+            let sample = self.take_received()?;
+            if let Some(framed) = self.decode(&sample) {
+                return Some((framed, sample.info));
             }
         }
     }
 
     /// The next sample, whatever its bytes are. May be dropped while it waits without losing a
     /// sample.
-    pub(crate) async fn next_received(&mut self) -> (Received, MessageInfo) {
+    pub(crate) async fn next_received(&mut self) -> Sample {
         loop {
-            let item = {
-                let mut stream = pin!(self.inner.async_stream_seed(AsReceived));
-                stream.select_next_some().await
-            };
-            match item {
+            match self.incoming.next().await {
                 Ok(sample) => return sample,
-                Err(error) => self.skip(Gid::default(), &error.to_string()),
+                Err(reason) => self.skip(Gid::default(), &reason),
             }
         }
     }
 
-    fn take_received(&mut self) -> Option<(Received, MessageInfo)> {
+    fn take_received(&mut self) -> Option<Sample> {
         loop {
-            match self.inner.take_seed(AsReceived).transpose()? {
+            match self.incoming.take()? {
                 Ok(sample) => return Some(sample),
-                Err(error) => self.skip(Gid::default(), &error.to_string()),
+                Err(reason) => self.skip(Gid::default(), &reason),
             }
         }
     }
 
-    fn decode<T: DeserializeOwned>(
-        &mut self,
-        sample: &Received,
-        info: &MessageInfo,
-    ) -> Option<Framed<T>> {
-        self.valid(sample.decode(self.has_header), info)
+    fn decode<T: DeserializeOwned>(&mut self, sample: &Sample) -> Option<Framed<T>> {
+        self.valid(sample.received.decode(self.has_header), sample.info.publisher)
     }
 
     /// What was decoded; counts and reports a sample that did not fit the type.
-    pub(crate) fn valid<R>(&mut self, decoded: Result<R, String>, info: &MessageInfo) -> Option<R> {
-        decoded.map_err(|reason| self.skip(info.publisher_gid().into(), &reason)).ok()
+    pub(crate) fn valid<R>(&mut self, decoded: Result<R, String>, sender: Gid) -> Option<R> {
+        decoded.map_err(|reason| self.skip(sender, &reason)).ok()
     }
 
     /// Whether the mapping puts a header before samples.
@@ -199,16 +166,6 @@ impl Reader {
                 self.topic
             );
         }
-    }
-}
-
-pub(crate) fn sample_info(info: &MessageInfo) -> SampleInfo {
-    let time = |time: ros2_client::ROSTime| RosTime::from_nanos(time.to_nanos());
-    SampleInfo {
-        publisher: info.publisher_gid().into(),
-        sequence: info.sequence_number(),
-        source_time: info.source_timestamp().map(time),
-        reception_time: info.received_timestamp().map_or(RosTime::ZERO, time),
     }
 }
 

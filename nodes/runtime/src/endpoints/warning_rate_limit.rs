@@ -2,7 +2,7 @@
 //!
 //! Pure: knows senders and times. The reader writes the warning itself.
 
-use crate::endpoints::wire::Gid;
+use crate::samples::gid::Gid;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 

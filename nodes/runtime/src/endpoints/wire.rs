@@ -12,42 +12,11 @@
 
 use crate::process::panic_guard::catch;
 use crate::rustdds::padded::Padded;
-use crate::rustdds::received::{ByteOrder, Received};
+use crate::samples::gid::Gid;
+use crate::samples::sample::{ByteOrder, Received};
+use crate::samples::type_names::dds_type;
 use byteorder::{BigEndian, LittleEndian};
 use serde::de::DeserializeOwned;
-
-/// Who sent something: the address of a DDS endpoint.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-pub struct Gid(pub [u8; 16]);
-
-impl Gid {
-    /// The part that all endpoints of one process share.
-    pub fn participant(self) -> [u8; 12] {
-        let mut prefix = [0; 12];
-        prefix.copy_from_slice(&self.0[..12]);
-        prefix
-    }
-}
-
-impl std::fmt::Display for Gid {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        for (index, byte) in self.0.iter().enumerate() {
-            if index == 12 {
-                f.write_str("|")?;
-            } else if index > 0 && index % 4 == 0 {
-                f.write_str(".")?;
-            }
-            write!(f, "{byte:02x}")?;
-        }
-        Ok(())
-    }
-}
-
-impl From<Gid> for [u8; 16] {
-    fn from(gid: Gid) -> Self {
-        gid.0
-    }
-}
 
 impl From<rustdds::GUID> for Gid {
     fn from(guid: rustdds::GUID) -> Self {
@@ -58,24 +27,6 @@ impl From<rustdds::GUID> for Gid {
 impl From<ros2_client::Gid> for Gid {
     fn from(gid: ros2_client::Gid) -> Self {
         Self(gid.to_bytes16())
-    }
-}
-
-/// `pkg::msg::dds_::Type_` of `pkg/msg/Type`; `suffix` goes before the last underscore.
-pub(crate) fn dds_type(type_name: &str, suffix: &str) -> String {
-    let mut parts = type_name.rsplitn(2, '/');
-    let base = parts.next().unwrap_or_default();
-    let path = parts.next().unwrap_or_default().replace('/', "::");
-    format!("{path}::dds_::{base}{suffix}_")
-}
-
-/// `pkg/msg/Type` of `pkg::msg::dds_::Type_`, or the name as it is.
-pub(crate) fn ros_type(dds_type: &str) -> String {
-    match dds_type.rsplit_once("::dds_::") {
-        Some((path, base)) => {
-            format!("{}/{}", path.replace("::", "/"), base.strip_suffix('_').unwrap_or(base))
-        }
-        None => dds_type.to_owned(),
     }
 }
 
@@ -224,14 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_types_go_to_dds_and_back() {
-        assert_eq!(dds_type("std_msgs/msg/String", ""), "std_msgs::msg::dds_::String_");
-        assert_eq!(
-            dds_type("std_srvs/srv/Trigger", "_Request"),
-            "std_srvs::srv::dds_::Trigger_Request_"
-        );
-        assert_eq!(ros_type("std_msgs::msg::dds_::String_"), "std_msgs/msg/String");
-        assert_eq!(ros_type("odd"), "odd");
+    fn a_service_has_two_topics() {
         assert_eq!(
             service_topics("/cell/load"),
             ("rq/cell/loadRequest".into(), "rr/cell/loadReply".into())

@@ -3,8 +3,8 @@
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Publisher;
-use crate::endpoints::qos::Qos;
-use crate::endpoints::wire::Gid;
+use crate::samples::gid::Gid;
+use crate::samples::qos::Qos;
 use cnc_msgs::cdr;
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::cnc_msgs::msg::Command;

@@ -2,7 +2,7 @@
 
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
-use crate::endpoints::qos::Qos;
+use crate::samples::qos::Qos;
 use cnc_msgs::wire::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use std::time::Duration;
 use tokio::time::MissedTickBehavior;

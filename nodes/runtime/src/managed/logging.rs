@@ -1,7 +1,7 @@
 //! The log: one line per message on the console, and `/rosout`.
 //!
 //! Everything that is logged through `tracing` comes here, except what the DDS
-//! layers log. Logging never blocks: lines that `/rosout` cannot take are
+//! layers and Zenoh log. Logging never blocks: lines that `/rosout` cannot take are
 //! on the console only. A place in the code that logs too often is throttled, so that no
 //! peer can fill a disk.
 
@@ -9,11 +9,11 @@ use crate::command_line::arguments::LogLevel;
 use crate::command_line::log_levels::LogSettings;
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
-use crate::endpoints::qos::Qos;
 use crate::managed::log_throttle::Throttle;
 use crate::process::console::{log_line, write};
 use crate::process::lock;
 use crate::process::time::RosTime;
+use crate::samples::qos::Qos;
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
 use intake::text::one_line;
 use std::fmt::Write as _;
@@ -82,7 +82,9 @@ impl<S: Subscriber> Layer<S> for RosLog {
         let target = metadata.target();
         let is_noise = ["rustdds", "ros2_client", "mio", "tokio"]
             .iter()
-            .any(|noise| target.strip_prefix(noise).is_some_and(|rest| !rest.starts_with('_')));
+            .any(|noise| target.strip_prefix(noise).is_some_and(|rest| !rest.starts_with('_')))
+            // Many crates, whose names all begin so.
+            || target.starts_with("zenoh");
         !is_noise && self.settings.levels.writes(level_of(*metadata.level()).0)
     }
 

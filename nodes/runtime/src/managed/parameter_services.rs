@@ -6,10 +6,10 @@
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Publisher;
-use crate::endpoints::qos::Qos;
 use crate::parameters::live::LiveParameters;
 use crate::parameters::{Declared, ParameterValue, Parameters, Range, USE_SIM_TIME};
 use crate::process::lock;
+use crate::samples::qos::Qos;
 use cnc_msgs::wire::rcl_interfaces::msg as wire;
 use cnc_msgs::wire::rcl_interfaces::srv;
 use std::collections::BTreeSet;

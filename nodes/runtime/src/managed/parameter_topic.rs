@@ -2,9 +2,9 @@
 
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
-use crate::endpoints::qos::Qos;
 use crate::managed::parameter_services::row_to_wire;
 use crate::process::lock;
+use crate::samples::qos::Qos;
 use cnc_msgs::wire::cnc_msgs::msg::NodeParameters;
 use cnc_msgs::wire::rcl_interfaces::msg::Parameter;
 

@@ -1,8 +1,8 @@
 //! Follows `/clock` while the parameter `use_sim_time` is set.
 
 use crate::endpoints::node::Handle;
-use crate::endpoints::qos::Qos;
 use crate::process::time::RosTime;
+use crate::samples::qos::Qos;
 use cnc_msgs::wire::rosgraph_msgs::msg::Clock as ClockMessage;
 use std::sync::Arc;
 

@@ -14,6 +14,7 @@ pub(crate) mod panic_guard;
 pub(crate) mod shutdown;
 pub mod supervision;
 pub(crate) mod time;
+pub(crate) mod watchdog;
 
 pub use companion::program_beside;
 pub(crate) use lock::lock;

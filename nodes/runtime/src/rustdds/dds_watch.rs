@@ -16,22 +16,17 @@
 //! [`FAILED_CHECKS_MAX`] checks. Checks are counted, not seconds: a process that is stopped, or gets
 //! no processor time, does not check either.
 
-use crate::process::lock;
-use crate::process::panic_guard;
-use crate::process::supervision::{DEAF, Notifier, TOO_LARGE};
+use crate::process::watchdog::{CHECK_PERIOD, EndOfProcess, Watchdog};
 use crate::rustdds::dds_threads::{DdsThreads, RECEIVING, ThreadState};
-use crate::rustdds::memory_bound::MemoryBound;
 use rustdds::DomainParticipant;
 use std::net::{Ipv4Addr, UdpSocket};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
-use std::sync::{Arc, Mutex};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// The time between two checks.
-const CHECK_PERIOD: Duration = Duration::from_millis(250);
 /// Checks in a row without progress: five seconds if this thread runs on time.
 const FAILED_CHECKS_MAX: u32 = 20;
 /// A thread that waited so often between two checks runs its loop. A thread that was woken and
@@ -42,82 +37,72 @@ const PROBE_ENDS_WITHIN: u32 = 50;
 /// A datagram of RTPS without content: protocol 2.4, no vendor, no sender. Receivers drop it.
 const EMPTY_MESSAGE: [u8; 20] = *b"RTPS\x02\x04\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
 
-/// What to do when the process is deaf or takes too much memory.
-#[derive(Debug, Clone)]
-pub(crate) struct EndOfProcess {
-    pub(crate) logger: String,
-    pub(crate) memory: MemoryBound,
-    /// A node exits when it is deaf; a command reconnects.
-    pub(crate) when_deaf: bool,
-}
-
-/// The watching thread. It ends when this is dropped.
-#[derive(Debug)]
-pub(crate) struct DdsWatch {
-    shared: Arc<Shared>,
-    /// Nothing is sent: the thread ends when this is dropped.
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-#[derive(Debug)]
-struct Shared {
-    notifier: Mutex<Notifier>,
+/// Starts to watch the threads of a participant; `deaf` gets the reason once, unless the process exits.
+///
+/// # Errors
+/// The system has no thread left.
+pub(crate) fn start(
+    participant: DomainParticipant,
+    domain_id: u16,
+    threads: DdsThreads,
+    deaf: watch::Sender<Option<String>>,
     end: Option<EndOfProcess>,
+) -> std::io::Result<Watchdog> {
+    let port = metatraffic_port(domain_id, participant.participant_id());
+    let probing = Probing::start(participant, port)?;
+    let mut checks = Checks::new(threads.count());
+    Watchdog::start("dds-watch", deaf, end, move || {
+        let mut seen = threads.states();
+        for (name, seen) in &mut seen {
+            let is_busy = *name == RECEIVING && matches!(seen, ThreadState::Busy { .. });
+            if is_busy && port.is_some_and(|port| is_read(port) == Some(true)) {
+                *seen = ThreadState::Idle;
+            }
+        }
+        match checks.take(&seen, probing.count.load(Ordering::Relaxed)) {
+            Some(reason) => Err(reason),
+            None => {
+                probing.request();
+                Ok(())
+            }
+        }
+    })
 }
 
-impl DdsWatch {
-    /// Starts to watch the threads of a participant; `deaf` gets the reason once, unless the
-    /// process exits.
-    ///
-    /// # Errors
-    /// The system has no thread left.
-    pub(crate) fn start(
-        participant: DomainParticipant,
-        domain_id: u16,
-        threads: DdsThreads,
-        deaf: watch::Sender<Option<String>>,
-        end: Option<EndOfProcess>,
-    ) -> std::io::Result<Self> {
-        let shared = Arc::new(Shared { notifier: Mutex::default(), end });
-        let (stop, stopped) = channel();
-        // A thread of its own sends the commands: it blocks if the DDS layer does not take one.
+/// A thread of its own that gives work to the threads of a participant: it blocks if the DDS layer takes none.
+struct Probing {
+    requests: Option<SyncSender<()>>,
+    /// Requests that the DDS layer has taken.
+    count: Arc<AtomicU64>,
+    thread: JoinHandle<()>,
+}
+
+impl Probing {
+    fn start(participant: DomainParticipant, port: Option<u16>) -> std::io::Result<Self> {
         let (requests, requested) = sync_channel(1);
-        let probes = Arc::new(AtomicU64::new(0));
-        let port = metatraffic_port(domain_id, participant.participant_id());
-        let counter = Arc::clone(&probes);
-        let probing = std::thread::Builder::new()
+        let count = Arc::new(AtomicU64::new(0));
+        let counter = Arc::clone(&count);
+        let thread = std::thread::Builder::new()
             .name("dds-probe".into())
             .spawn(move || probe(&participant, port, &requested, &counter))?;
-        let watching = Arc::clone(&shared);
-        let threads = (threads, port);
-        let thread = std::thread::Builder::new().name("dds-watch".into()).spawn(move || {
-            watch_threads(&watching, &threads, &stopped, &requests, &probes, &deaf);
-            drop(requests);
-            // Its participant must be dropped before the last other one. A thread that hangs in the
-            // DDS layer is left there.
-            for _ in 0..PROBE_ENDS_WITHIN {
-                if probing.is_finished() {
-                    break;
-                }
-                std::thread::sleep(Duration::from_millis(10));
-            }
-        })?;
-        Ok(Self { shared, stop: Some(stop), thread: Some(thread) })
+        Ok(Self { requests: Some(requests), count, thread })
     }
 
-    /// Reports to the supervisor from now on that the process serves.
-    pub(crate) fn report_to(&self, notifier: Notifier) {
-        *lock(&self.shared.notifier) = notifier;
+    fn request(&self) {
+        // No new request while one is pending.
+        let _ = self.requests.as_ref().map(|requests| requests.try_send(()));
     }
 }
 
-impl Drop for DdsWatch {
+impl Drop for Probing {
+    /// Its participant must be dropped before the last other one. A thread that hangs in the DDS layer is left there.
     fn drop(&mut self) {
-        self.stop.take();
-        if let Some(thread) = self.thread.take() {
-            // It has reported an error already, if there was one.
-            let _ = thread.join();
+        self.requests.take();
+        for _ in 0..PROBE_ENDS_WITHIN {
+            if self.thread.is_finished() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(10));
         }
     }
 }
@@ -145,56 +130,6 @@ fn probe(
 fn metatraffic_port(domain_id: u16, participant_id: u16) -> Option<u16> {
     let port = 7_400 + 250 * u32::from(domain_id) + 10 + 2 * u32::from(participant_id);
     u16::try_from(port).ok()
-}
-
-fn watch_threads(
-    shared: &Shared,
-    (threads, port): &(DdsThreads, Option<u16>),
-    stopped: &Receiver<()>,
-    requests: &SyncSender<()>,
-    probes: &AtomicU64,
-    deaf: &watch::Sender<Option<String>>,
-) {
-    let mut checks = Checks::new(threads.count());
-    while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(CHECK_PERIOD) {
-        let end = shared.end.as_ref();
-        if let Some(EndOfProcess { logger, memory, .. }) = end
-            && let Some(what) = memory.exceeded()
-        {
-            panic_guard::exit_now(
-                TOO_LARGE,
-                logger,
-                &format!("{what}; it ends with status {TOO_LARGE}"),
-            );
-        }
-        let mut seen = threads.states();
-        for (name, seen) in &mut seen {
-            let is_busy = *name == RECEIVING && matches!(seen, ThreadState::Busy { .. });
-            if is_busy && port.is_some_and(|port| is_read(port) == Some(true)) {
-                *seen = ThreadState::Idle;
-            }
-        }
-        let verdict = checks.take(&seen, probes.load(Ordering::Relaxed));
-        // Not in the condition: its lock would be held in what follows.
-        let known = deaf.borrow().clone();
-        if let Some(reason) = known.or(verdict) {
-            if let Some(EndOfProcess { logger, when_deaf: true, .. }) = end {
-                let text = format!(
-                    "{reason}; this process receives nothing any more and ends with status {DEAF}"
-                );
-                panic_guard::exit_now(DEAF, logger, &text);
-            }
-            deaf.send_if_modified(|known| {
-                let is_new = known.is_none();
-                known.get_or_insert(reason);
-                is_new
-            });
-            continue;
-        }
-        lock(&shared.notifier).alive();
-        // No new request while one is pending.
-        let _ = requests.try_send(());
-    }
 }
 
 /// Whether all that was sent to a port of this computer so far was taken from its socket.

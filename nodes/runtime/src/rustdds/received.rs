@@ -5,24 +5,11 @@
 //! they become messages later (`endpoints`).
 //! The report: docs/upstream/rustdds-decode-under-lock.md.
 
+use crate::samples::sample::{ByteOrder, Received};
 use byteorder::{BigEndian, LittleEndian};
 use cdr_encoding::CdrDeserializer;
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, Error, SeqAccess, Visitor};
-
-/// A sample as it arrived, of whatever message.
-#[derive(Debug)]
-pub(crate) struct Received {
-    pub(crate) bytes: Vec<u8>,
-    pub(crate) order: ByteOrder,
-}
-
-/// The byte order of the computer that sent a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ByteOrder {
-    Little,
-    Big,
-}
 
 /// Takes the bytes of a sample as they are, in the decoder of ros2-client, which does not say
 /// in which byte order it decodes.

@@ -4,6 +4,7 @@
 //! the `ok` of a line is withheld.
 
 use super::{Controller, ControllerState, Drawn, Probing};
+use crate::axes::{AXES, without_others};
 use crate::codes::{Alarm, ErrorCode};
 use crate::counts::UNDERRUN_S;
 use crate::firmware::Feedback;
@@ -39,13 +40,13 @@ pub(super) enum Action {
     SelectSystem(usize),
     SetWorkOffset {
         system: usize,
-        offset: [f64; 3],
+        offset: [f64; AXES],
     },
     StorePosition {
         g30: bool,
-        at: [f64; 3],
+        at: [f64; AXES],
     },
-    SetG92([f64; 3]),
+    SetG92([f64; AXES]),
     SetToolLength(f64),
     /// M0, and M1 if optional stops are on.
     Pause {
@@ -218,7 +219,7 @@ impl Controller {
     fn note_drawn(&mut self, motion: &Move) {
         if let Some(drawn) = &mut self.drawn {
             drawn.push(Drawn {
-                end_in_machine: motion.target_in_machine,
+                end_in_machine: without_others(motion.target_in_machine),
                 spindle_rpm: self.parser.spindle_rpm,
                 spindle: match self.parser.modal.spindle {
                     Spindle::Off => 5,
@@ -278,7 +279,7 @@ impl Controller {
         if self.state == ControllerState::Check || !self.is_within_limits(motion) {
             return;
         }
-        if self.plant.touches_probe(self.position()) != away {
+        if self.plant.touches_probe(self.axes()) != away {
             self.sync_parser();
             self.state = ControllerState::Alarm { is_critical: false };
             self.alarm(Alarm::PROBE_INITIAL);

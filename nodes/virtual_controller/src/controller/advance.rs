@@ -129,7 +129,7 @@ impl Controller {
             return None;
         }
         let (unit, remaining) = self.planner.heading()?;
-        let at = self.position();
+        let at = self.axes();
         let settings = &self.memory.settings;
         let switch = match settings.hard_limits() {
             true => self.plant.distance_to_switch(at, unit, settings),
@@ -264,8 +264,9 @@ impl Controller {
             HomingStep::Finished => {
                 self.forget_motion();
                 let settings = &self.memory.settings;
-                let physical = crate::axes::add(self.position(), self.plant.offset);
-                let machine = position_after_homing(settings);
+                let before = self.axes();
+                let physical = crate::axes::add(before, self.plant.offset);
+                let machine = position_after_homing(before, settings);
                 self.plant.offset = crate::axes::subtract(physical, machine);
                 self.planner.set_position_steps(steps_from_mm(machine, settings));
                 self.sync_parser();

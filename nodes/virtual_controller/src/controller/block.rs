@@ -2,7 +2,7 @@
 
 use super::action::Action;
 use super::{Controller, ControllerState};
-use crate::axes::Vector;
+use crate::axes::Axes;
 use crate::codes::ErrorCode;
 use crate::gcode::{Checked, CommandKind, Effect, FeedMode, Flow, NonModal, Spindle, check};
 use crate::motion::{Move, ProgrammedSpeed};
@@ -171,7 +171,7 @@ impl Controller {
         }
     }
 
-    fn queue_line(&mut self, target_in_machine: Vector, speed: ProgrammedSpeed, line_number: u32) {
+    fn queue_line(&mut self, target_in_machine: Axes, speed: ProgrammedSpeed, line_number: u32) {
         self.parser.position_in_machine = target_in_machine;
         self.script.push_back(Action::Move(Move {
             target_in_machine,

@@ -52,6 +52,9 @@ impl Controller {
 
     fn line(&mut self, line: Line) {
         self.counts.lines_read += 1;
+        if self.build.echoes_lines {
+            self.echo(&line);
+        }
         let result = match line {
             Line::TooLong => Err(ErrorCode::LineTooLong),
             Line::Text(text) if text.is_empty() => Ok(()),

@@ -30,7 +30,7 @@ mod system;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::axes::{AXES, Vector, scale};
+use crate::axes::{AXES, Axes, Vector, scale, with_others_at_zero, without_others};
 use crate::codes::{Alarm, ErrorCode};
 use crate::counts::Counts;
 use crate::firmware::{Firmware, Traits, Vocabulary};
@@ -66,6 +66,8 @@ pub struct Build {
     pub has_line_numbers: bool,
     /// Compile option: M7 and 0xA1. grblHAL and FluidNC always have it.
     pub has_mist: bool,
+    /// Compile option: `[echo: ]` with each line, before it is executed.
+    pub echoes_lines: bool,
 }
 
 impl Build {
@@ -78,6 +80,7 @@ impl Build {
             probe_surface_z_mm: None,
             has_line_numbers: false,
             has_mist: false,
+            echoes_lines: false,
         }
     }
 
@@ -116,7 +119,7 @@ struct Memory {
     build_info: String,
 }
 
-/// A controller with three axes.
+/// A controller with three to six axes.
 #[derive(Debug, Clone)]
 pub struct Controller {
     build: Build,
@@ -143,7 +146,7 @@ pub struct Controller {
     /// Set while the tool is away, or moving away or back.
     parking: Option<Parking>,
     /// Last probe result, steps and success.
-    probed: ([i64; 3], bool),
+    probed: ([i64; AXES], bool),
     spindle: Spindle,
     spindle_rpm: f64,
     /// 0x9E in a hold stopped the spindle.
@@ -184,8 +187,8 @@ impl Controller {
         let traits = build.firmware().traits();
         let settings = build.settings.clone();
         let (steps, offset) = match build.start_in_machine {
-            Some(start) => (steps_from_mm(start, &settings), [0.0; AXES]),
-            None => ([0; 3], scale(settings.max_travel_mm(), -0.5)),
+            Some(start) => (steps_from_mm(with_others_at_zero(start), &settings), [0.0; AXES]),
+            None => ([0; AXES], scale(settings.max_travel_mm(), -0.5)),
         };
         let mut controller = Self {
             plant: Plant {
@@ -216,7 +219,7 @@ impl Controller {
             skips_optional_stops: false,
             probing: None,
             parking: None,
-            probed: ([0; 3], false),
+            probed: ([0; AXES], false),
             spindle: Spindle::Off,
             spindle_rpm: 0.0,
             is_spindle_stopped: false,
@@ -247,7 +250,8 @@ impl Controller {
     /// The G-code that it knows with its build and settings.
     fn vocabulary(&self) -> Vocabulary {
         let vocabulary = self.traits().vocabulary;
-        Vocabulary { has_mist: vocabulary.has_mist || self.build.has_mist, ..vocabulary }
+        let axes = self.memory.settings.letters();
+        Vocabulary { axes, has_mist: vocabulary.has_mist || self.build.has_mist, ..vocabulary }
     }
 
     /// Receives bytes that arrived at `now`.
@@ -291,8 +295,13 @@ impl Controller {
         self.transmit.len() >= TRANSMIT_BUFFER_BYTES
     }
 
-    /// Position of the axes in machine coordinates, mm, as the controller counts it.
+    /// Position of X, Y and Z in machine coordinates, mm, as the controller counts it.
     pub fn position(&self) -> Vector {
+        without_others(self.axes())
+    }
+
+    /// Position of all axes in machine coordinates, mm and degrees, as the controller counts it.
+    pub fn axes(&self) -> Axes {
         match (&self.state, &self.parking) {
             (ControllerState::Homing(homing), _) => {
                 homing.position(&self.plant, &self.memory.settings)
@@ -381,11 +390,11 @@ impl Controller {
 
     /// Switches the supply off: the axes stop where they are; nothing is received or sent.
     pub fn power_off(&mut self) {
-        let physical = crate::axes::add(self.position(), self.plant.offset);
+        let physical = crate::axes::add(self.axes(), self.plant.offset);
         self.plant.offset = physical;
         self.forget_motion();
         let blocks_max = self.memory.settings.planner_blocks();
-        self.planner = Planner::new([0; 3], blocks_max.unwrap_or(self.traits().blocks_max));
+        self.planner = Planner::new([0; AXES], blocks_max.unwrap_or(self.traits().blocks_max));
         self.forget_input();
         self.switch_off();
         self.transmit.clear();

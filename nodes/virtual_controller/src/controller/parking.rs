@@ -5,7 +5,7 @@
 //! stopped. This file knows the one axis and its path; `door` events come from its callers.
 
 use super::{Controller, ControllerState, Door};
-use crate::axes::Vector;
+use crate::axes::Axes;
 use crate::motion::{Ramp, braking_ramp, next_ramp};
 
 /// A tool that is moving away, away, or moving back.
@@ -13,7 +13,7 @@ use crate::motion::{Ramp, braking_ramp, next_ramp};
 pub(super) struct Parking {
     axis: usize,
     /// Where the program stopped, machine coordinates, mm.
-    held_at: Vector,
+    held_at: Axes,
     /// Along the axis, machine coordinates, mm.
     waypoint: f64,
     target: f64,
@@ -45,7 +45,7 @@ enum Leg {
 
 impl Parking {
     /// Position of the axes, machine coordinates, mm.
-    pub(super) fn position(&self) -> Vector {
+    pub(super) fn position(&self) -> Axes {
         let mut position = self.held_at;
         position[self.axis] = self.at;
         position
@@ -130,7 +130,7 @@ impl Controller {
             return;
         }
         let parking = settings.parking();
-        let held_at = self.position();
+        let held_at = self.axes();
         let at = held_at[parking.axis];
         if at >= parking.target_mm {
             return;

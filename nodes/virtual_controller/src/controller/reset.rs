@@ -188,7 +188,7 @@ impl Controller {
     /// Checks the machine after a reset, and decides whether startup lines run.
     fn check_machine(&mut self) {
         let settings = &self.memory.settings;
-        let is_pressed = self.plant.pressed(self.position(), settings).contains(&true);
+        let is_pressed = self.plant.pressed(self.axes(), settings).contains(&true);
         if settings.homing_required() && !self.is_homed {
             self.state = ControllerState::Alarm { is_critical: false };
             self.alarm(Alarm::HOMING_REQUIRED);

@@ -1,5 +1,6 @@
 //! What the controller is doing, and the stages of it.
 
+use crate::axes::AXES;
 use crate::homing::Homing;
 
 /// What the controller is doing.
@@ -57,5 +58,5 @@ pub(super) enum Door {
 pub(super) struct Probing {
     pub(super) away: bool,
     pub(super) miss_is_fine: bool,
-    pub(super) contact_steps: Option<[i64; 3]>,
+    pub(super) contact_steps: Option<[i64; AXES]>,
 }

@@ -104,7 +104,7 @@ impl Controller {
         if self.plant.is_door_open {
             return Err(ErrorCode::DoorOpen);
         }
-        self.state = ControllerState::Homing(Homing::new(self.position(), &self.memory.settings));
+        self.state = ControllerState::Homing(Homing::new(self.axes(), &self.memory.settings));
         if self.traits().announces_homing {
             self.report_status_now();
         }

@@ -1,6 +1,7 @@
 //! grbl 1.1h.
 
 use super::{AcceptedInput, Boot, BuildFacts, Feedback, Fields, Flush, Traits, Vocabulary};
+use crate::axes::AxisLetters;
 use crate::codes::ErrorCode;
 use crate::gcode::{ArcPrecision, Digits};
 use crate::line::{LineEnds, LineRules, OverlongLine};
@@ -56,6 +57,7 @@ pub(super) static TRAITS: Traits = Traits {
 };
 
 pub(super) const VOCABULARY: Vocabulary = Vocabulary {
+    axes: AxisLetters::XYZ,
     more_letters: &[],
     stray_letter: None,
     systems: 6,

@@ -2,6 +2,7 @@
 
 use super::grbl::feedback;
 use super::{AcceptedInput, Boot, BuildFacts, Fields, Flush, Traits, Vocabulary};
+use crate::axes::AxisLetters;
 use crate::codes::ErrorCode;
 use crate::gcode::{ArcPrecision, Digits};
 use crate::line::{LineEnds, LineRules, OverlongLine};
@@ -24,6 +25,7 @@ pub(super) static TRAITS: Traits = Traits {
     },
     realtime,
     vocabulary: Vocabulary {
+        axes: AxisLetters::XYZ,
         more_letters: &['D', 'E', 'H', 'O', 'Q'],
         stray_letter: Some('$'),
         systems: 9,
@@ -104,10 +106,12 @@ fn build_info(facts: &BuildFacts<'_>) -> Vec<String> {
     let legacy = if facts.settings.legacy_realtime() { '+' } else { '-' };
     let homing = if facts.settings.homing_enabled() { "HOME," } else { "" };
     let (blocks, bytes) = (facts.blocks_max, facts.receive_buffer_bytes);
+    let letters: String = facts.settings.letters().all().iter().collect();
+    let count = letters.len();
     vec![
         format!("[VER:1.1f.20260817:{}]", facts.note),
-        format!("[OPT:VNM{parking}{single_axis}{unlocked}+,{blocks},{bytes},3,0]"),
-        "[AXS:3:XYZ]".into(),
+        format!("[OPT:VNM{parking}{single_axis}{unlocked}+,{blocks},{bytes},{count},0]"),
+        format!("[AXS:{count}:{letters}]"),
         format!("[NEWOPT:ENUMS,RT{legacy},{homing}TC,SED]"),
         "[FIRMWARE:grblHAL]".into(),
         "[SIGNALS:D]".into(),

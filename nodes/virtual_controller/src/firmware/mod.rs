@@ -11,6 +11,7 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
+use crate::axes::AxisLetters;
 use crate::codes::{Alarm, ErrorCode};
 use crate::gcode::{ArcPrecision, Digits};
 use crate::line::LineRules;
@@ -167,6 +168,8 @@ pub(crate) struct Boot {
 /// The parts of G-code in which families differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Vocabulary {
+    /// The axes of the board.
+    pub(crate) axes: AxisLetters,
     /// Letters in addition to grbl's that carry a value.
     pub(crate) more_letters: &'static [char],
     /// A character that counts as a letter, though it has no meaning.

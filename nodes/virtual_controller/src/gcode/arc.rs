@@ -5,7 +5,7 @@
 //! moves the centre of a full circle the wrong way, the angle is almost zero there and the
 //! circle is not cut. grblHAL keeps centre and radius vector in 64 bits, and cuts it.
 
-use crate::axes::Vector;
+use crate::axes::{AXES, Axes};
 use crate::codes::ErrorCode;
 use crate::gcode::Plane;
 use crate::tolerances::{
@@ -26,8 +26,8 @@ pub(crate) enum ArcPrecision {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Arc {
     plane: Plane,
-    start: [f32; 3],
-    pub(crate) end: Vector,
+    start: [f32; AXES],
+    pub(crate) end: Axes,
     /// Centre relative to the start, in the two axes of the plane.
     offset: [f32; 2],
     radius: f32,
@@ -38,9 +38,9 @@ impl Arc {
     /// Builds an arc from its centre relative to its start (I, J, K).
     pub(crate) fn from_offsets(
         plane: Plane,
-        start: Vector,
-        end: Vector,
-        offset: Vector,
+        start: Axes,
+        end: Axes,
+        offset: Axes,
         clockwise: bool,
     ) -> Result<Self, ErrorCode> {
         let (a, b, _) = plane.axes();
@@ -60,8 +60,8 @@ impl Arc {
     /// Builds an arc from its radius; a negative one means the arc of more than half a circle.
     pub(crate) fn from_radius(
         plane: Plane,
-        start: Vector,
-        end: Vector,
+        start: Axes,
+        end: Axes,
         radius: f64,
         clockwise: bool,
     ) -> Result<Self, ErrorCode> {
@@ -182,9 +182,9 @@ impl Chords {
 }
 
 impl Iterator for Chords {
-    type Item = Vector;
+    type Item = Axes;
 
-    fn next(&mut self) -> Option<Vector> {
+    fn next(&mut self) -> Option<Axes> {
         if self.next > self.count {
             return None;
         }
@@ -208,11 +208,16 @@ impl Iterator for Chords {
             };
         }
         point[c] = f64::from(self.height);
+        // As in grblHAL and FluidNC; grbl has no other axes.
+        let share = (self.next - 1) as f32 / self.count as f32;
+        for (axis, start) in self.arc.start.into_iter().enumerate().skip(3) {
+            point[axis] = f64::from(start + (self.arc.end[axis] as f32 - start) * share);
+        }
         Some(point)
     }
 }
 
-fn single(position: Vector) -> [f32; 3] {
+fn single(position: Axes) -> [f32; AXES] {
     position.map(|coordinate| coordinate as f32)
 }
 
@@ -224,17 +229,19 @@ fn hypotenuse(x: f32, y: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::axes::with_others_at_zero as axes;
 
-    fn middle(radius: f64, clockwise: bool) -> Vector {
+    fn middle(radius: f64, clockwise: bool) -> Axes {
         let arc =
-            Arc::from_radius(Plane::Xy, [0.0; 3], [10.0, 0.0, 0.0], radius, clockwise).unwrap();
+            Arc::from_radius(Plane::Xy, [0.0; AXES], axes([10.0, 0.0, 0.0]), radius, clockwise)
+                .unwrap();
         let chords: Vec<_> = arc.chords(1e-3, ArcPrecision::Single).collect();
         chords[chords.len() / 2 - 1]
     }
 
     #[test]
     fn a_radius_word_chooses_the_side_by_its_sign() {
-        let close = |point: Vector, y: f64| (point[1] - y).abs() < 0.3;
+        let close = |point: Axes, y: f64| (point[1] - y).abs() < 0.3;
         // Sagitta of the short arc: 10 - sqrt(75) = 1.34; of the long one 18.66.
         assert!(close(middle(10.0, true), 1.34));
         assert!(close(middle(10.0, false), -1.34));
@@ -249,16 +256,17 @@ mod tests {
             (Plane::Zx, [0.0, 0.0, 5.0]),
             (Plane::Yz, [0.0, 5.0, 0.0]),
         ] {
-            let arc = Arc::from_offsets(plane, [0.0; 3], [0.0; 3], offset, true).unwrap();
+            let arc =
+                Arc::from_offsets(plane, [0.0; AXES], [0.0; AXES], axes(offset), true).unwrap();
             let (a, b, _) = plane.axes();
-            let mut last = [0.0; 3];
+            let mut last = [0.0; AXES];
             for point in arc.chords(0.002, ArcPrecision::Single) {
-                let mid: Vector = std::array::from_fn(|i| (last[i] + point[i]) / 2.0);
+                let mid: Axes = std::array::from_fn(|i| (last[i] + point[i]) / 2.0);
                 let radius = (mid[a] - offset[a]).hypot(mid[b] - offset[b]);
                 assert!((5.0 - radius) <= 0.0021, "{plane:?}: chord {} mm inside", 5.0 - radius);
                 last = point;
             }
-            assert_eq!(last, [0.0; 3]);
+            assert_eq!(last, [0.0; AXES]);
         }
     }
 
@@ -267,8 +275,8 @@ mod tests {
         // In 32 bits 12.7 + 0.1 - 0.1 is not 12.7: start and end differ by a rounding error. Its
         // sign decides whether a full circle is drawn or nothing.
         let chords = |start: f32, offset: f32, precision| {
-            let start = [f64::from(start), 0.0, 0.0];
-            let offset = [f64::from(offset), f64::from(0.3f32), 0.0];
+            let start = axes([f64::from(start), 0.0, 0.0]);
+            let offset = axes([f64::from(offset), f64::from(0.3f32), 0.0]);
             let arc = Arc::from_offsets(Plane::Xy, start, start, offset, false).unwrap();
             arc.chords(0.002, precision).count
         };
@@ -277,5 +285,17 @@ mod tests {
             |precision| starts.clone().filter(|start| chords(*start, 0.7, precision) <= 2).count();
         assert!(missing(ArcPrecision::Single) > 50, "{}", missing(ArcPrecision::Single));
         assert_eq!(missing(ArcPrecision::Double), 0);
+    }
+
+    #[test]
+    fn other_axes_turn_evenly_along_an_arc() {
+        let (start, mut end) = (axes([10.0, 0.0, 0.0]), axes([-10.0, 0.0, 0.0]));
+        end[3] = 180.0;
+        let arc = Arc::from_offsets(Plane::Xy, start, end, axes([-10.0, 0.0, 0.0]), false);
+        let chords: Vec<Axes> = arc.unwrap().chords(0.01, ArcPrecision::Double).collect();
+        for (index, point) in chords.iter().enumerate() {
+            let wanted = 180.0 * (index + 1) as f64 / chords.len() as f64;
+            assert!((point[3] - wanted).abs() < 1e-3, "{index}: {point:?}");
+        }
     }
 }

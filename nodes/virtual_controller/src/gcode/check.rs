@@ -3,12 +3,12 @@
 //! A block with two faults gets the code of the first failed check, so the order of the checks
 //! follows the firmware. Nothing takes effect here.
 
-use crate::axes::{AXES, Vector};
+use crate::axes::{AXES, Axes, with_others_at_zero};
 use crate::codes::ErrorCode;
 use crate::firmware::Vocabulary;
 use crate::gcode::arc::Arc;
 use crate::gcode::single::{minus, plus, times};
-use crate::gcode::sort::{AxisCommand, GROUPS_OF_JOGS, ToolLength, Words, ZeroGroup, index, sort};
+use crate::gcode::sort::{AxisCommand, GROUPS_OF_JOGS, ToolLength, Words, ZeroGroup, sort};
 use crate::gcode::{CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Units};
 
 /// Millimetres of an inch.
@@ -52,10 +52,10 @@ impl Checked {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Effect {
     None,
-    Rapid(Vector),
-    Line(Vector),
+    Rapid(Axes),
+    Line(Axes),
     Arc(Arc),
-    Probe { target: Vector, away: bool, miss_is_fine: bool },
+    Probe { target: Axes, away: bool, miss_is_fine: bool },
 }
 
 /// Commands of group 0 that are not motion themselves.
@@ -63,12 +63,12 @@ pub(crate) enum Effect {
 pub(crate) enum NonModal {
     SetWorkOffset {
         system: usize,
-        offset: Vector,
+        offset: Axes,
     },
     /// G28 or G30; with axis words through an intermediate point, and only these axes go on.
     GoTo {
         g30: bool,
-        over: Option<Vector>,
+        over: Option<Axes>,
         named: [bool; AXES],
     },
     /// G28.1 or G30.1.
@@ -76,7 +76,7 @@ pub(crate) enum NonModal {
         g30: bool,
     },
     /// G92 and G92.1.
-    SetG92(Vector),
+    SetG92(Axes),
 }
 
 /// M0, M1, M2 and M30.
@@ -126,7 +126,7 @@ pub(crate) fn check(
     let mut tool_length = state.tool_length;
     match w.tool_length {
         Some(ToolLength::Dynamic) => {
-            if w.axis(0).is_some() || w.axis(1).is_some() || w.axis(2).is_none() {
+            if (0..AXES).any(|axis| w.axis(axis).is_some() != (axis == 2)) {
                 return Err(ErrorCode::DynamicOffsetAxis);
             }
             tool_length = times(w.axis(2).unwrap_or(0.0), mm);
@@ -149,7 +149,7 @@ pub(crate) fn check(
     let effect = motion(&mut w, &ask, state)?;
 
     if w.axis_command.is_some() {
-        (0..AXES).for_each(|axis| w.values[index('X') + axis] = None);
+        w.take_axes();
     }
     if w.values.iter().any(Option::is_some) {
         return Err(ErrorCode::UnusedWords);
@@ -200,18 +200,21 @@ fn feed(
 }
 
 /// Returns the target of the axis words, in machine coordinates, mm.
-fn target(w: &Words, after: &ParserState, systems: &CoordinateSystems, mm: f64) -> Vector {
+fn target(w: &Words, after: &ParserState, systems: &CoordinateSystems, mm: f64) -> Axes {
     let work = systems.work[after.modal.coordinate_system];
     let is_machine = w.zero == Some(ZeroGroup::MachineCoordinates);
     std::array::from_fn(|axis| match w.axis(axis) {
         None => after.position_in_machine[axis],
-        Some(value) if is_machine => times(value, mm),
+        Some(value) if is_machine => times(value, w.scale(axis, mm)),
         Some(value) => match after.modal.distance {
             Distance::Absolute => {
-                let place = plus(times(value, mm), plus(work[axis], after.g92[axis]));
+                let place =
+                    plus(times(value, w.scale(axis, mm)), plus(work[axis], after.g92[axis]));
                 if axis == 2 { plus(place, after.tool_length) } else { place }
             }
-            Distance::Incremental => plus(times(value, mm), after.position_in_machine[axis]),
+            Distance::Incremental => {
+                plus(times(value, w.scale(axis, mm)), after.position_in_machine[axis])
+            }
         },
     })
 }
@@ -221,7 +224,7 @@ fn non_modal(
     vocabulary: &Vocabulary,
     after: &ParserState,
     systems: &CoordinateSystems,
-    target: Vector,
+    target: Axes,
     mm: f64,
 ) -> Result<Option<NonModal>, ErrorCode> {
     let position = after.position_in_machine;
@@ -252,9 +255,9 @@ fn non_modal(
                     *offset = match from_position {
                         true => {
                             let from = minus(position[axis], after.g92[axis]);
-                            minus(minus(from, along_z(axis)), times(value, mm))
+                            minus(minus(from, along_z(axis)), times(value, w.scale(axis, mm)))
                         }
-                        false => times(value, mm),
+                        false => times(value, w.scale(axis, mm)),
                     };
                 }
             }
@@ -268,7 +271,7 @@ fn non_modal(
             Some(NonModal::SetG92(std::array::from_fn(|axis| match w.axis(axis) {
                 Some(value) => {
                     let from = minus(position[axis], work[axis]);
-                    minus(minus(from, along_z(axis)), times(value, mm))
+                    minus(minus(from, along_z(axis)), times(value, w.scale(axis, mm)))
                 }
                 None => after.g92[axis],
             })))
@@ -288,7 +291,7 @@ struct Ask<'a> {
     kind: CommandKind,
     vocabulary: &'a Vocabulary,
     modal: &'a Modal,
-    target: Vector,
+    target: Axes,
     feed: f64,
     mm: f64,
 }
@@ -333,6 +336,7 @@ fn motion(w: &mut Words, ask: &Ask<'_>, state: &ParserState) -> Result<Effect, E
                 return Err(ErrorCode::NoOffsetsInPlane);
             }
             let offset = letters.map(|letter| times(w.take(letter).unwrap_or(0.0), mm));
+            let offset = with_others_at_zero(offset);
             Arc::from_offsets(modal.plane, start, target, offset, clockwise).map(Effect::Arc)
         }
         Motion::Probe { away, miss_is_fine } => {

@@ -1,6 +1,6 @@
 //! What stays in force from block to block.
 
-use crate::axes::{Vector, add};
+use crate::axes::{Axes, add};
 
 /// Group 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -131,11 +131,11 @@ pub(crate) struct Modal {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct CoordinateSystems {
     /// G54 to G59 and G59.1 to G59.3, millimetres in machine coordinates.
-    pub(crate) work: [Vector; 9],
+    pub(crate) work: [Axes; 9],
     /// G28, millimetres in machine coordinates.
-    pub(crate) g28: Vector,
+    pub(crate) g28: Axes,
     /// G30, millimetres in machine coordinates.
-    pub(crate) g30: Vector,
+    pub(crate) g30: Axes,
 }
 
 /// What the parser remembers until a reset.
@@ -152,9 +152,9 @@ pub(crate) struct ParserState {
     /// N of the last block that had one, else 0.
     pub(crate) line_number: u32,
     /// End of the last queued move, millimetres in machine coordinates.
-    pub(crate) position_in_machine: Vector,
+    pub(crate) position_in_machine: Axes,
     /// G92, millimetres.
-    pub(crate) g92: Vector,
+    pub(crate) g92: Axes,
     /// G43.1, millimetres along Z.
     pub(crate) tool_length: f64,
 }
@@ -169,7 +169,7 @@ pub(crate) fn system_name(system: usize) -> String {
 
 impl ParserState {
     /// Returns the sum of all offsets: machine = work + this.
-    pub(crate) fn work_offset(&self, systems: &CoordinateSystems) -> Vector {
+    pub(crate) fn work_offset(&self, systems: &CoordinateSystems) -> Axes {
         let mut offset = add(systems.work[self.modal.coordinate_system], self.g92);
         offset[2] += self.tool_length;
         offset

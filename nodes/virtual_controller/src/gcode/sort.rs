@@ -3,7 +3,7 @@
 //! The first pass over a block: finds unknown, repeated and conflicting words. `check` decides
 //! what the words mean together.
 
-use crate::axes::AXES;
+use crate::axes::AxisLetters;
 use crate::codes::ErrorCode;
 use crate::firmware::Vocabulary;
 use crate::gcode::words::words;
@@ -37,6 +37,8 @@ pub(super) enum AxisCommand {
 /// The words of a block, sorted.
 #[derive(Debug, Default)]
 pub(super) struct Words {
+    /// The axes of the board.
+    axes: AxisLetters,
     pub(super) values: [Option<f64>; 26],
     pub(super) groups: u32,
     pub(super) zero: Option<ZeroGroup>,
@@ -55,12 +57,23 @@ impl Words {
         self.values[index(letter)].take()
     }
 
+    /// The word of an axis; none for axes that the board does not have.
     pub(super) fn axis(&self, axis: usize) -> Option<f64> {
-        self.values[index('X') + axis]
+        self.axes.all().get(axis).and_then(|letter| self.get(*letter))
+    }
+
+    /// Millimetres of one unit of an axis word, and degrees of one that turns.
+    pub(super) fn scale(&self, axis: usize, mm: f64) -> f64 {
+        if self.axes.is_rotary(axis) { 1.0 } else { mm }
     }
 
     pub(super) fn has_axis(&self) -> bool {
-        (0..AXES).any(|axis| self.axis(axis).is_some())
+        self.axes.all().iter().any(|letter| self.get(*letter).is_some())
+    }
+
+    pub(super) fn take_axes(&mut self) {
+        let axes = self.axes;
+        axes.all().iter().for_each(|letter| self.values[index(*letter)] = None);
     }
 
     fn claim_group(&mut self, group: u32) -> Result<(), ErrorCode> {
@@ -98,7 +111,7 @@ pub(super) fn sort(
     vocabulary: &Vocabulary,
     modal: &mut Modal,
 ) -> Result<Words, ErrorCode> {
-    let mut w = Words::default();
+    let mut w = Words { axes: vocabulary.axes, ..Words::default() };
     for word in words(line, vocabulary.stray_letter, vocabulary.digits) {
         let (letter, value) = word?;
         // Codes are read in hundredths: G38.2 is 3820.
@@ -125,7 +138,9 @@ pub(super) fn sort(
 
 fn carries_value(letter: char, vocabulary: &Vocabulary) -> bool {
     let is_common = matches!(letter, 'F' | 'I'..='L' | 'N' | 'P' | 'R' | 'S' | 'T' | 'X'..='Z');
-    is_common || vocabulary.more_letters.contains(&letter)
+    is_common
+        || vocabulary.more_letters.contains(&letter)
+        || vocabulary.axes.all().contains(&letter)
 }
 
 fn g_word(

@@ -1,6 +1,6 @@
 //! How fast a corner between two straight blocks may be taken.
 
-use crate::axes::{self, Vector};
+use crate::axes::{self, Axes};
 use crate::settings::Settings;
 use crate::tolerances::STRAIGHT;
 
@@ -8,7 +8,7 @@ use crate::tolerances::STRAIGHT;
 ///
 /// The speed is that of a circle that touches both sides and stays within `$11` of the corner,
 /// at the acceleration of the axes towards its centre.
-pub(super) fn junction_speed(before: Vector, after: Vector, settings: &Settings) -> f64 {
+pub(super) fn junction_speed(before: Axes, after: Axes, settings: &Settings) -> f64 {
     let cosine = axes::dot(before, after);
     if cosine > 1.0 - STRAIGHT {
         return f64::INFINITY;
@@ -31,7 +31,8 @@ mod tests {
     fn a_corner_is_taken_as_fast_as_the_circle_within_the_deviation_allows() {
         let mut settings = Settings::default();
         (120..123).for_each(|n| settings.set(n, 100.0).unwrap());
-        let speed = |after: Vector| junction_speed([1.0, 0.0, 0.0], after, &settings);
+        let axes = crate::axes::with_others_at_zero;
+        let speed = |after| junction_speed(axes([1.0, 0.0, 0.0]), axes(after), &settings);
         // 90 degrees: both axes pull, 141.4 mm/s² inward; r = 0.01 * 0.7071 / 0.2929 mm.
         assert!((speed([0.0, 1.0, 0.0]) - 1.8478).abs() < 1e-3);
         assert_eq!(speed([-1.0, 0.0, 0.0]), 0.0);

@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-use crate::axes::{self, Vector};
+use crate::axes::{self, AXES, Axes};
 use crate::gcode::single::times;
 use crate::motion::junction::junction_speed;
 use crate::motion::ramp::{Ramp, braking_ramp, next_ramp};
@@ -28,7 +28,7 @@ pub(crate) enum ProgrammedSpeed {
 /// A straight move to be queued.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Move {
-    pub(crate) target_in_machine: Vector,
+    pub(crate) target_in_machine: Axes,
     pub(crate) speed: ProgrammedSpeed,
     pub(crate) line_number: u32,
     /// The feed override does not slow jogs and probing.
@@ -63,10 +63,10 @@ impl Default for Overrides {
 
 #[derive(Debug, Clone)]
 struct Block {
-    start_mm: Vector,
-    unit: Vector,
+    start_mm: Axes,
+    unit: Axes,
     length_mm: f64,
-    end_steps: [i64; 3],
+    end_steps: [i64; AXES],
     acceleration: f64,
     /// What the axes can do along this block, mm/s.
     rapid_rate: f64,
@@ -115,17 +115,17 @@ pub(crate) struct Planner {
     done_mm: f64,
     speed: f64,
     /// Position at rest when the queue is empty, else the start of the last block.
-    rest_steps: [i64; 3],
+    rest_steps: [i64; AXES],
     overrides: Overrides,
     /// N of the last executed block that had one, since the queue was cleared.
     last_line_number: u32,
     /// Direction of the last executed block, until another is queued.
-    last_unit: Option<Vector>,
+    last_unit: Option<Axes>,
 }
 
 impl Planner {
     /// An empty queue for this many blocks, at rest.
-    pub(crate) fn new(position_steps: [i64; 3], blocks_max: usize) -> Self {
+    pub(crate) fn new(position_steps: [i64; AXES], blocks_max: usize) -> Self {
         Self {
             blocks_max,
             queue: VecDeque::new(),
@@ -178,12 +178,12 @@ impl Planner {
     }
 
     /// The rest of the block in motion, mm.
-    pub(crate) fn way_to_go(&self) -> Vector {
-        self.heading().map_or([0.0; 3], |(unit, remaining)| axes::scale(unit, remaining))
+    pub(crate) fn way_to_go(&self) -> Axes {
+        self.heading().map_or([0.0; AXES], |(unit, remaining)| axes::scale(unit, remaining))
     }
 
     /// Machine position now, in steps.
-    pub(crate) fn position_steps(&self, settings: &Settings) -> [i64; 3] {
+    pub(crate) fn position_steps(&self, settings: &Settings) -> [i64; AXES] {
         match self.queue.front() {
             None => self.rest_steps,
             Some(block) => {
@@ -194,7 +194,7 @@ impl Planner {
     }
 
     /// Direction of the block in motion, and the distance to its end, mm.
-    pub(crate) fn heading(&self) -> Option<(Vector, f64)> {
+    pub(crate) fn heading(&self) -> Option<(Axes, f64)> {
         self.queue.front().map(|block| (block.unit, block.length_mm - self.done_mm))
     }
 
@@ -214,7 +214,7 @@ impl Planner {
     }
 
     /// Sets the position of the axes; the queue must be empty.
-    pub(crate) fn set_position_steps(&mut self, steps: [i64; 3]) {
+    pub(crate) fn set_position_steps(&mut self, steps: [i64; AXES]) {
         assert!(self.queue.is_empty(), "the position is only set at rest");
         self.rest_steps = steps;
     }
@@ -244,7 +244,7 @@ impl Planner {
             ProgrammedSpeed::Feed(mm_per_min) => Some(mm_per_min / 60.0),
             ProgrammedSpeed::InverseTime(per_min) => Some(per_min * length_mm / 60.0),
         };
-        let speed_after = |last: Vector| junction_speed(last, unit, settings);
+        let speed_after = |last: Axes| junction_speed(last, unit, settings);
         let junction_speed = self.queue.back().map_or(0.0, |last| speed_after(last.unit));
         let last_unit = self.last_unit.take().filter(|_| self.queue.is_empty());
         let comes_late = last_unit.is_some_and(|last| speed_after(last) > 0.0);
@@ -359,12 +359,12 @@ impl Planner {
     }
 }
 
-pub(crate) fn steps_from_mm(mm: Vector, settings: &Settings) -> [i64; 3] {
+pub(crate) fn steps_from_mm(mm: Axes, settings: &Settings) -> [i64; AXES] {
     let steps_per_mm = settings.steps_per_mm();
     std::array::from_fn(|i| (mm[i] * steps_per_mm[i]).round() as i64)
 }
 
-pub(crate) fn mm_from_steps(steps: [i64; 3], settings: &Settings) -> Vector {
+pub(crate) fn mm_from_steps(steps: [i64; AXES], settings: &Settings) -> Axes {
     let steps_per_mm = settings.steps_per_mm();
     std::array::from_fn(|i| steps[i] as f64 / steps_per_mm[i])
 }

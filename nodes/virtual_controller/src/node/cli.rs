@@ -13,7 +13,7 @@ use super::listen::{Listen, Protocol};
 use super::serve::{ServeOptions, eprint, serve};
 use super::stop::{StopHandle, stop_pair};
 use crate::scenario::{COORDINATE_MM_MAX, RECEIVE_BUFFER_BYTES, TIME_FACTORS};
-use crate::{Fault, Firmware, Machine, Scenario, Settings, Vector};
+use crate::{AxisLetters, Fault, Firmware, Machine, Scenario, Settings, Vector};
 
 /// A grbl 1.1, grblHAL or FluidNC controller with axes that move in time, on a pseudo-terminal or a network port.
 ///
@@ -38,6 +38,9 @@ struct Arguments {
     /// (freshly flashed firmware).
     #[arg(long, value_name = "NAME")]
     machine: Option<Machine>,
+    /// The axes of the board: XYZ and up to three of A, B, C, U, V and W [default: XYZ]
+    #[arg(long, value_name = "LETTERS")]
+    axes: Option<AxisLetters>,
     /// A file of lines `$n=v`; `#` and `;` begin comments.
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
@@ -56,6 +59,9 @@ struct Arguments {
     /// Includes mist coolant: M7.
     #[arg(long)]
     mist: bool,
+    /// Repeats each line that it has read: `[echo: ]`.
+    #[arg(long)]
+    echo: bool,
     /// Bits per second, ten to a byte, in both directions; 0: no delay [default: 115200; 0 with
     /// --listen tcp:// and ws://]
     #[arg(long)]
@@ -191,11 +197,13 @@ fn read(path: &Path) -> Result<String, String> {
 fn override_with(scenario: &mut Scenario, arguments: &Arguments) {
     scenario.firmware = arguments.firmware.or(scenario.firmware);
     scenario.machine = arguments.machine.or(scenario.machine);
+    scenario.axes = arguments.axes.or(scenario.axes);
     scenario.receive_buffer_bytes = arguments.receive_buffer.or(scenario.receive_buffer_bytes);
     scenario.start_mm = arguments.start.or(scenario.start_mm);
     scenario.probe_z_mm = arguments.probe_z.or(scenario.probe_z_mm);
     scenario.line_numbers |= arguments.line_numbers;
     scenario.mist |= arguments.mist;
+    scenario.echo |= arguments.echo;
     scenario.baud = arguments.baud.or(scenario.baud);
     // A network has no baud rate; a gateway has one.
     if arguments.listen.is_some_and(|listen| listen.protocol != Protocol::Rfc2217) {

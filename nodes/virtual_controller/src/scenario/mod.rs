@@ -13,7 +13,7 @@ use std::str::FromStr;
 
 use serde::Deserialize;
 
-use crate::axes::Vector;
+use crate::axes::{AxisLetters, Vector};
 use crate::codes::ErrorCode;
 use crate::controller::Build;
 use crate::fault::Fault;
@@ -39,6 +39,9 @@ pub struct Scenario {
     pub settings: Vec<(u16, f64)>,
     /// `$22=1`.
     pub homing: bool,
+    /// The axes of the board.
+    #[serde(deserialize_with = "form::by_name")]
+    pub axes: Option<AxisLetters>,
     /// Bytes of the receive buffer as `$I` reports them.
     #[serde(deserialize_with = "form::receive_buffer_bytes")]
     pub receive_buffer_bytes: Option<usize>,
@@ -52,6 +55,8 @@ pub struct Scenario {
     pub line_numbers: bool,
     /// Built with M7.
     pub mist: bool,
+    /// Built with an echo of each line.
+    pub echo: bool,
     /// Bits per second; 0: bytes take no time.
     pub baud: Option<u32>,
     /// How many times faster than real time the machine runs.
@@ -150,6 +155,7 @@ impl Scenario {
             Machine::Router => Settings::small_router_of(firmware),
             Machine::Generic => Settings::of(firmware),
         };
+        settings = settings.with_axes(self.axes.unwrap_or_default());
         if self.homing {
             settings.set(22, 1.0).expect("homing may always be switched on");
         }
@@ -170,6 +176,7 @@ impl Scenario {
             probe_surface_z_mm: self.probe_z_mm,
             has_line_numbers: self.line_numbers,
             has_mist: self.mist,
+            echoes_lines: self.echo,
             ..Build::new(settings)
         }
     }

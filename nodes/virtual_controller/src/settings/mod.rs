@@ -6,16 +6,18 @@
 mod grblhal;
 mod table;
 
-use crate::axes::{AXES, Vector};
+use crate::axes::{AXES, Axes, AxisLetters};
 use crate::codes::ErrorCode;
 use crate::firmware::Firmware;
+use crate::plant::SWITCHED_AXES;
 use crate::tolerances::CHORD_MM_MIN;
-use table::rows;
+use table::{SettingRow, rows};
 
 /// All settings of a controller. Every value is finite and storable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     firmware: Firmware,
+    letters: AxisLetters,
     /// In the order of the firmware's table, by number.
     values: Vec<(u16, f64)>,
 }
@@ -30,7 +32,7 @@ impl Default for Settings {
 impl Settings {
     /// The defaults of freshly flashed firmware.
     pub fn of(firmware: Firmware) -> Self {
-        Self { firmware, values: rows(firmware).map(|row| (row.number, row.generic)).collect() }
+        Self::made(firmware, AxisLetters::default(), |row| row.generic)
     }
 
     /// A small router: 600 x 400 x 100 mm, 5 m/min, 0.5 m/s², 24 000 rpm, `Bf` in its reports.
@@ -40,8 +42,24 @@ impl Settings {
 
     /// The same router with other firmware.
     pub fn small_router_of(firmware: Firmware) -> Self {
-        let values = rows(firmware).map(|row| (row.number, row.router)).collect();
-        Self { firmware, values }
+        Self::made(firmware, AxisLetters::default(), |row| row.router)
+    }
+
+    fn made(firmware: Firmware, letters: AxisLetters, value: impl Fn(&SettingRow) -> f64) -> Self {
+        let rows = rows(firmware, letters.count());
+        Self { firmware, letters, values: rows.map(|row| (row.number, value(row))).collect() }
+    }
+
+    /// The same with these axes; settings of new axes have the values of the small router.
+    #[must_use]
+    pub fn with_axes(self, letters: AxisLetters) -> Self {
+        let known = |row: &SettingRow| self.get(row.number).unwrap_or(row.router);
+        Self::made(self.firmware, letters, known)
+    }
+
+    /// The axes that the board has.
+    pub fn letters(&self) -> AxisLetters {
+        self.letters
     }
 
     /// The firmware that has these settings.
@@ -77,15 +95,16 @@ impl Settings {
             return Err(ErrorCode::NegativeValue);
         }
         let at = self.place(number).ok_or(ErrorCode::InvalidStatement)?;
-        let row = rows(self.firmware).nth(at).expect("each value has its row");
+        let row =
+            rows(self.firmware, self.letters.count()).nth(at).expect("each value has its row");
         let value = row.kind.stored(value);
         match number {
             0 if value < 3.0 => return Err(ErrorCode::StepPulseTooShort),
             20 if value != 0.0 && !self.homing_enabled() => {
                 return Err(ErrorCode::SoftLimitNeedsHoming);
             }
-            24 | 25 | 57 | 59 | 100..=122 if value <= 0.0 => return Err(ErrorCode::NegativeValue),
-            42 if value >= AXES as f64 => return Err(ErrorCode::SettingOutOfRange),
+            24 | 25 | 57 | 59 | 100..=125 if value <= 0.0 => return Err(ErrorCode::NegativeValue),
+            42 if value >= self.letters.count() as f64 => return Err(ErrorCode::SettingOutOfRange),
             341 if value > 4.0 => return Err(ErrorCode::SettingOutOfRange),
             398 if !(30.0..=1000.0).contains(&value) => return Err(ErrorCode::SettingOutOfRange),
             481 if value != 0.0 && !(100.0..=1000.0).contains(&value) => {
@@ -103,7 +122,7 @@ impl Settings {
 
     /// Returns the `$$` listing, one `$n=v` a line, without line ends.
     pub fn listing(&self) -> impl Iterator<Item = String> + '_ {
-        rows(self.firmware).zip(&self.values).map(|(row, (_, value))| {
+        rows(self.firmware, self.letters.count()).zip(&self.values).map(|(row, (_, value))| {
             format!("${}={}", row.number, row.kind.printed(*value, self.firmware))
         })
     }
@@ -118,8 +137,14 @@ impl Settings {
         self.get(number).unwrap_or(0.0)
     }
 
-    fn axes(&self, first: u16) -> Vector {
-        [self.value(first), self.value(first + 1), self.value(first + 2)]
+    /// A setting of each axis; 1 for axes that the board does not have, which never move.
+    fn axes(&self, first: u16) -> Axes {
+        // They stand one after another, as far as there are axes.
+        let values = self.place(first).map_or(&[][..], |at| &self.values[at..]);
+        std::array::from_fn(|axis| match values.get(axis) {
+            Some((number, value)) if *number == first + axis as u16 => *value,
+            _ => 1.0,
+        })
     }
 
     fn flag(&self, number: u16) -> bool {
@@ -202,29 +227,29 @@ impl Settings {
     }
 
     /// `$100` to `$102`, steps per millimetre.
-    pub fn steps_per_mm(&self) -> Vector {
+    pub fn steps_per_mm(&self) -> Axes {
         self.axes(100)
     }
 
     /// `$110` to `$112`, mm/min.
-    pub fn max_rate_mm_per_min(&self) -> Vector {
+    pub fn max_rate_mm_per_min(&self) -> Axes {
         self.axes(110)
     }
 
     /// `$120` to `$122`, mm/s².
-    pub fn acceleration_mm_per_s2(&self) -> Vector {
+    pub fn acceleration_mm_per_s2(&self) -> Axes {
         self.axes(120)
     }
 
     /// `$130` to `$132`, millimetres; an axis runs from minus this to zero.
-    pub fn max_travel_mm(&self) -> Vector {
+    pub fn max_travel_mm(&self) -> Axes {
         self.axes(130)
     }
 
-    /// Is this machine point within the travel of all axes?
-    pub fn within_travel(&self, point_in_machine: Vector) -> bool {
+    /// Is this machine point within the travel of X, Y and Z? The others turn without end.
+    pub fn within_travel(&self, point_in_machine: Axes) -> bool {
         let travel = self.max_travel_mm();
-        (0..AXES).all(|i| point_in_machine[i] <= 0.0 && point_in_machine[i] >= -travel[i])
+        (0..SWITCHED_AXES).all(|i| point_in_machine[i] <= 0.0 && point_in_machine[i] >= -travel[i])
     }
 }
 

@@ -112,15 +112,27 @@ static TABLE: &[SettingRow] = &[
     row(100, Float, 250.0, 250.0, All),
     row(101, Float, 250.0, 250.0, All),
     row(102, Float, 250.0, 250.0, All),
+    row(103, Float, 250.0, 100.0, All),
+    row(104, Float, 250.0, 100.0, All),
+    row(105, Float, 250.0, 100.0, All),
     row(110, Float, 500.0, 5000.0, All),
     row(111, Float, 500.0, 5000.0, All),
     row(112, Float, 500.0, 2000.0, All),
+    row(113, Float, 500.0, 7200.0, All),
+    row(114, Float, 500.0, 7200.0, All),
+    row(115, Float, 500.0, 7200.0, All),
     row(120, Float, 10.0, 500.0, All),
     row(121, Float, 10.0, 500.0, All),
     row(122, Float, 10.0, 200.0, All),
+    row(123, Float, 10.0, 400.0, All),
+    row(124, Float, 10.0, 400.0, All),
+    row(125, Float, 10.0, 400.0, All),
     row(130, Float, 200.0, 600.0, All),
     row(131, Float, 200.0, 400.0, All),
     row(132, Float, 200.0, 100.0, All),
+    row(133, Float, 0.0, 0.0, All),
+    row(134, Float, 0.0, 0.0, All),
+    row(135, Float, 0.0, 0.0, All),
     hal(341, Integer, 0.0),
     hal(342, Float, 30.0),
     hal(343, Float, 25.0),
@@ -137,13 +149,14 @@ static TABLE: &[SettingRow] = &[
     hal(676, Integer, 3.0),
 ];
 
-/// The settings of a family, by number.
-pub(super) fn rows(firmware: Firmware) -> impl Iterator<Item = &'static SettingRow> {
+/// The settings of a family with so many axes, by number.
+pub(super) fn rows(firmware: Firmware, axes: usize) -> impl Iterator<Item = &'static SettingRow> {
     let is_hal = firmware == Firmware::GrblHal;
-    TABLE.iter().filter(move |row| match row.owner {
-        All => true,
-        Classic => !is_hal,
-        GrblHal => is_hal,
+    TABLE.iter().filter(move |row| match (row.number, row.owner) {
+        (100..=139, _) => usize::from(row.number % 10) < axes,
+        (_, All) => true,
+        (_, Classic) => !is_hal,
+        (_, GrblHal) => is_hal,
     })
 }
 

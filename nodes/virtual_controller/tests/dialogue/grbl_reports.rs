@@ -222,3 +222,23 @@ fn two_steps_down_at_the_lower_limit_end_at_the_upper_one() {
     "#]],
     );
 }
+
+#[test]
+fn an_echo_is_a_compile_option_and_comes_before_the_line_acts() {
+    let mut build = plain(&[]);
+    build.echoes_lines = true;
+    let script = "
+        g1 x10 f600 (slowly)
+        G99
+        $G
+    ";
+    check(
+        build,
+        script,
+        expect![[r#"
+        g1 x10 f600 (slowly)     [echo: G1X10F600] / ok
+        G99                      [echo: G99] / error:20
+        $G                       [echo: $G] / [GC:G1 G54 G17 G21 G90 G94 M5 M9 T0 F600 S0] / ok
+    "#]],
+    );
+}

@@ -2,6 +2,7 @@
 
 use crate::script::{check, hal};
 use expect_test::expect;
+use virtual_controller::Build;
 
 // Rows "banner", "`$I`", "OPT", "`?` idle, first after reset".
 #[test]
@@ -375,6 +376,38 @@ fn inches_show_in_reports_and_listings() {
         ^?                       <Idle|MPos:0.0000,0.0000,0.0000|Bf:100,1023|FS:0.0,0|Ov:100,100,100>
         $#                       [G54:0.0000,0.0000,0.0000] / [G55:0.0000,0.0000,0.0000] / [G56:0.0000,0.0000,0.0000] / [G57:0.0000,0.0000,0.0000] / [G58:0.0000,0.0000,0.0000] / [G59:0.0000,0.0000,0.0000] / [G59.1:0.0000,0.0000,0.0000] / [G59.2:0.0000,0.0000,0.0000] / [G59.3:0.0000,0.0000,0.0000] / [G28:0.0000,0.0000,0.0000] / [G30:0.0000,0.0000,0.0000] / [G92:-1.0000,0.0000,0.0000] / [TLO:0.1000] / [PRB:0.0000,0.0000,0.0000:0] / ok
         $G                       [GC:G1 G54 G17 G21 G90 G94 G43.1 G98 G50 M5 M9 T0 F10.0 S0] / ok
+    "#]],
+    );
+}
+
+#[test]
+fn a_board_may_have_more_axes_and_those_that_turn_have_no_inches() {
+    let script = "
+        $I
+        G20G0X1A90
+        wait 10
+        ^?
+        G10L20P1A0
+        ^?
+        $13=1
+        ^87
+        G0B1
+    ";
+    let three = hal(&[]);
+    let settings = three.settings.clone().with_axes("XYZA".parse().unwrap());
+    check(
+        Build { settings, ..three },
+        script,
+        expect![[r#"
+        $I                       [VER:1.1f.20260817:] / [OPT:VNML+,100,1024,4,0] / [AXS:4:XYZA] / [NEWOPT:ENUMS,RT+,TC,SED] / [FIRMWARE:grblHAL] / [SIGNALS:D] / [NVS STORAGE:*EEPROM] / [DRIVER:Simulator] / [DRIVER VERSION:260324] / ok
+        G20G0X1A90               ok
+        wait 10
+        ^?                       <Idle|MPos:25.400,0.000,0.000,90.000|Bf:100,1023|FS:0,0|Ov:100,100,100|A:|TLR:0>
+        G10L20P1A0               ok
+        ^?                       <Idle|MPos:25.400,0.000,0.000,90.000|Bf:100,1023|FS:0,0|WCO:0.000,0.000,0.000,90.000>
+        $13=1                    ok
+        ^87                      <Idle|MPos:1.0000,0.0000,0.0000,90.0000|Bf:100,1023|FS:0.0,0|WCO:0.0000,0.0000,0.0000,90.0000|WCS:G54|Ov:100,100,100|A:|Sc:|MPG:0|H:0|T:0|P:0|TLR:0|FW:grblHAL>
+        G0B1                     error:20
     "#]],
     );
 }

@@ -24,6 +24,7 @@ impl Machine {
             arc_tolerance_mm: tolerance.unwrap_or(usual.arc_tolerance_mm),
             is_laser: setting(32) == Some(1.0),
             work_offsets: std::array::from_fn(system),
+            further_axes: self.further_axes(),
         }
     }
 }
@@ -44,7 +45,9 @@ mod tests {
         }
         let shift = [0.0, 0.5, 10.0];
         let work_offsets = [shift, [-300.0, -200.0, -30.0], shift, shift, shift, shift];
-        let expected = Board { arc_tolerance_mm: 0.01, is_laser: true, work_offsets };
+        machine.on_message(&Message::Axes("XYZAC".into()));
+        let expected =
+            Board { arc_tolerance_mm: 0.01, is_laser: true, work_offsets, further_axes: 0b101 };
         assert_eq!(machine.board(), expected);
         machine.on_setting(12, "0");
         assert_eq!(machine.board().arc_tolerance_mm, Board::default().arc_tolerance_mm);

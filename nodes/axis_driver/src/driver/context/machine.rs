@@ -1,5 +1,6 @@
 //! The machine model: the last report, and what lasts between reports.
 
+use super::further::FurtherState;
 use super::place::PlaceWatch;
 use crate::codes;
 use crate::cycle_time::Speeds;
@@ -79,6 +80,9 @@ pub(in crate::driver) struct Machine {
     /// What the last report had in it.
     #[serde(skip)]
     pub(in crate::driver) shown: Shown,
+    /// A, B, C, U, V and W.
+    #[serde(default)]
+    pub(in crate::driver) further: FurtherState,
     /// The kinematics that the firmware has named when it started.
     #[serde(skip)]
     pub(in crate::driver) kinematics: Option<String>,
@@ -153,6 +157,7 @@ impl Machine {
         self.is_homed = report.is_homed.unwrap_or(self.is_homed);
         self.work_offset = report.work_offset.or(self.work_offset);
         self.overrides_percent = report.overrides_percent.unwrap_or(self.overrides_percent);
+        self.on_further_status(&report);
         if let Some(offset) = self.work_offset {
             let shifted = |position: Position, sign: f64| {
                 [0, 1, 2].map(|axis| position[axis] + sign * offset[axis])
@@ -191,6 +196,7 @@ impl Machine {
             Message::Offset { name, position } => {
                 self.remember(name, *position);
             }
+            Message::Axes(letters) => self.on_further_letters(letters),
             Message::Firmware(name) => {
                 self.firmware = Firmware::of_firmware_message(name).unwrap_or(self.firmware);
             }
@@ -343,11 +349,7 @@ impl Machine {
             mode: self.mode(),
             machine_position: places.and_then(|status| status.machine_position),
             work_position: places.and_then(|status| status.work_position),
-            // What stands in a hold may still report the feed from before it.
-            feed_mm_per_min: places
-                .filter(|status| !status.is_held())
-                .and_then(|status| status.feed_mm_per_min)
-                .unwrap_or(0.0),
+            feed_mm_per_min: places.and_then(StatusReport::speed_mm_per_min).unwrap_or(0.0),
             spindle_rpm: status.and_then(|status| status.spindle_rpm).unwrap_or(0.0),
             program_id: self.program_id.clone(),
             line: self.line,
@@ -359,6 +361,7 @@ impl Machine {
             work_system: self.work_system.unwrap_or(0),
             overrides_percent: self.overrides_percent,
             pins: status.and_then(|status| status.pins.clone()).unwrap_or_default(),
+            further: places.and_then(|_| self.further_places()),
             ..MachineState::default()
         }
     }

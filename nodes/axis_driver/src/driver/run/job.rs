@@ -21,16 +21,18 @@ pub(in crate::driver) struct Job {
 }
 
 impl Job {
-    /// `line 12 (N70)`
+    /// `line 12 (N70), in o<pocket>, called from line 40`
     pub(in crate::driver) fn place_of_line(
         &self,
         source_line: u32,
         element: Option<usize>,
     ) -> String {
-        let element = element.and_then(|index| self.request.path.elements.get(index));
-        match element.and_then(|element| element.source.block) {
-            Some(block) => format!("line {source_line} (N{block})"),
-            None => format!("line {source_line}"),
+        let path = &self.request.path;
+        let source = element.and_then(|index| path.elements.get(index)).map(|it| it.source);
+        let calls = source.map(|source| path.calls.after(source)).unwrap_or_default();
+        match source.and_then(|source| source.block) {
+            Some(block) => format!("line {source_line} (N{block}){calls}"),
+            None => format!("line {source_line}{calls}"),
         }
     }
 
@@ -52,6 +54,13 @@ impl Job {
         let element = self.request.path.elements.get(self.tracker.element());
         let has_begun = self.has_sent && self.tracker.is_under_way();
         element.filter(|_| has_begun).map_or(0, |element| element.source.line)
+    }
+
+    /// Which time the line that is being cut is run; 0: the only one.
+    pub(in crate::driver) fn occurrence(&self) -> u32 {
+        let path = &self.request.path;
+        let element = path.elements.get(self.tracker.element()).filter(|_| self.line() > 0);
+        element.map_or(0, |element| path.occurrence(element.source))
     }
 
     /// The side that the tool runs on in the element that is being cut: from the

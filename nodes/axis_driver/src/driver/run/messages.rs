@@ -40,7 +40,9 @@ impl ProgramRun {
                 Action::Message { .. } if texts == SHOWN_MAX => break,
                 Action::Message { text } => {
                     texts += 1;
-                    context.log(LogLevel::Info, format!("line {}: {text}", event.source.line));
+                    let at = &event.source;
+                    let calls = self.job.request.path.calls.after(*at);
+                    context.log(LogLevel::Info, format!("line {}{calls}: {text}", at.line));
                 }
                 // Some controllers answer M0 before they go on.
                 Action::Stop { .. } if is_held => break,

@@ -16,6 +16,8 @@ pub struct RunRequest {
     pub path: Arc<CompensatedPath>,
     /// The source line to begin at; 0 and 1 are the whole program.
     pub start_line: u32,
+    /// Which time that line is run, from 1; 0: the only one.
+    pub occurrence: u32,
     /// What the control of the program says of a start under cutter compensation.
     pub in_span: StartInSpan,
     /// Nothing moves: the path is encoded from end to end for this controller, and
@@ -35,6 +37,7 @@ impl RunRequest {
             revision: 0,
             path,
             start_line: 0,
+            occurrence: 0,
             in_span,
             check_only: false,
             tool_diameters_mm: BTreeMap::new(),

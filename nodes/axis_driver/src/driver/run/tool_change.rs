@@ -148,6 +148,8 @@ pub(in crate::driver) fn check_block(path: &CompensatedPath) -> Result<(), Refus
                 | Action::Stop { .. }
                 | Action::Home { .. }
                 | Action::Auxiliary { .. }
+                // The run takes X, Y and Z back to where it stopped, and no other axis.
+                | Action::Further(_)
         )
     };
     match path.events.iter().find(|event| is_out_of_place(&event.action)) {
@@ -183,6 +185,9 @@ fn tool_return(change: ToolChange, at: Option<Position>) -> Result<ToolReturn, R
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cnc_msgs::contour::Source;
+    use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
+    use cnc_msgs::path::PathEvent;
 
     #[test]
     fn the_run_goes_on_where_it_stopped_and_a_position_that_is_not_known_is_not_there() {
@@ -201,5 +206,18 @@ mod tests {
         ] {
             assert_eq!(tool_return(change, at).ok(), wanted, "{change:?} {at:?}");
         }
+    }
+
+    #[test]
+    fn a_block_during_a_tool_change_turns_no_axis_that_the_run_does_not_take_back() {
+        let with = |action| {
+            let events = vec![PathEvent { at_element: 0, action, source: Source::default() }];
+            CompensatedPath { events, ..CompensatedPath::default() }
+        };
+        let axes = FurtherAxes::NONE.with(0, 90.0);
+        let turns = Action::Further(FurtherMove { axes, mode: FurtherMode::Rapid });
+        let refused = check_block(&with(turns)).expect_err("a refusal");
+        assert!(refused.message.starts_with("G0 A90 is not possible"), "{refused:?}");
+        assert!(check_block(&with(Action::Dwell { seconds: 1.0 })).is_ok());
     }
 }

@@ -8,7 +8,7 @@ use crate::driver::context::Context;
 use crate::driver::context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
 use crate::driver::output::LogLevel;
 use crate::path_watch::{Culprit, Deviation, PathWatch, Seen};
-use crate::report::ControllerState;
+use crate::report::{ControllerState, StatusReport};
 use std::time::Duration;
 
 /// The path watch of one run.
@@ -125,7 +125,7 @@ impl ProgramRun {
             position: machine.machine_position(),
             is_by_offset: !machine.shown.has_machine_position,
             work_offset: machine.shown.work_offset,
-            feed_mm_per_min: machine.status.as_ref().and_then(|status| status.feed_mm_per_min),
+            feed_mm_per_min: machine.status.as_ref().and_then(StatusReport::speed_mm_per_min),
             feed_override: machine.speeds().feed,
             blocks_in_use: machine.blocks_in_use(),
         };

@@ -9,6 +9,7 @@ use crate::driver::context::machine::Machine;
 use crate::driver::output::LogLevel;
 use crate::envelope::{Envelope, Workplace};
 use crate::machine_limits::{MachineLimits, StoredOffsets};
+use cnc_msgs::calls::chain_after;
 use cnc_msgs::contour::Action;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
@@ -133,11 +134,12 @@ fn limits(machine: &Machine, homes: bool) -> Result<MachineLimits, String> {
 
 /// `line 12: what is wrong; what to do`
 fn text(finding: &Finding) -> String {
-    let Finding { source, message, help, .. } = finding;
+    let Finding { source, message, help, calls, .. } = finding;
     let place = match source.block {
         Some(block) => format!("line {} (N{block})", source.line),
         None => format!("line {}", source.line),
     };
+    let place = place + &chain_after(calls);
     match help.as_str() {
         "" => format!("{place}: {message}"),
         help => format!("{place}: {message}; {help}"),

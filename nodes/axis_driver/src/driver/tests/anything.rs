@@ -60,6 +60,7 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         revision: 1,
         path: path.clone(),
         start_line: 0,
+        occurrence: 0,
         in_span: Default::default(),
         check_only,
         tool_diameters_mm: Default::default(),

@@ -298,6 +298,7 @@ impl Bench {
             revision,
             path,
             start_line,
+            occurrence: 0,
             in_span,
             check_only,
             tool_diameters_mm,

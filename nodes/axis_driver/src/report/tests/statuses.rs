@@ -6,7 +6,7 @@ use cnc_msgs::contour::SpindleMode;
 
 fn status(line: &str) -> StatusReport {
     match read(line) {
-        Report::Status(report) => report,
+        Report::Status(report) => *report,
         other => panic!("{line} was read as {other:?}"),
     }
 }

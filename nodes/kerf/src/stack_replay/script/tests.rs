@@ -62,6 +62,7 @@ fn script_from(
         revision: 1,
         path,
         start_line,
+        occurrence: 0,
         in_span: Default::default(),
         check_only: false,
         tool_diameters_mm: Default::default(),

@@ -6,8 +6,8 @@
 use super::GoalId;
 use super::goals::{GoalRecord, Goals};
 use crate::endpoints::service::RequestInfo;
-use crate::endpoints::wire::Gid;
 use crate::process::time::RosTime;
+use crate::samples::gid::Gid;
 use cnc_msgs::cdr;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};

@@ -5,7 +5,7 @@
 //! A request does not name the reader. So each new client of a process is assigned a matched
 //! reader of that process that no other client has.
 
-use crate::endpoints::wire::Gid;
+use crate::samples::gid::Gid;
 use std::collections::BTreeMap;
 
 /// Clients that are remembered; a forgotten client is assigned a reader again.

@@ -10,9 +10,10 @@ use super::RequestInfo;
 use crate::command_line::environment::{Environment, ServiceMapping};
 use crate::endpoints::error::NodeError;
 use crate::endpoints::publisher::Drops;
-use crate::endpoints::wire::{CycloneHeader, Gid, padded};
+use crate::endpoints::wire::{CycloneHeader, padded};
 use crate::process::lock;
 use crate::rustdds::padded::{BYTES_MAX, Padded};
+use crate::samples::gid::Gid;
 use rustdds::dds::WriteError;
 use rustdds::no_key::DataWriterCdr;
 use rustdds::{SampleIdentity, Timestamp, WriteOptionsBuilder};
@@ -40,7 +41,8 @@ pub(crate) struct Replies {
 }
 
 struct Shared {
-    mapping: ServiceMapping,
+    /// Whether the mapping puts a header before replies.
+    has_header: bool,
     /// Longer replies cannot be sent.
     bytes_max: usize,
     new_writer: Box<NewWriter>,
@@ -60,11 +62,11 @@ impl Replies {
         environment: &Environment,
         new_writer: Box<NewWriter>,
     ) -> Result<Self, NodeError> {
-        let mapping = environment.mapping;
+        let has_header = environment.mapping == ServiceMapping::Cyclone;
         let bytes_max = if environment.keeps_long_replies() { BYTES_MAX } else { IN_ONE_PIECE };
         let state = Mutex::new(ReplyState { writer: new_writer()?, waiting: None });
         let drops = Drops::new(format!("replies of {name}"));
-        Ok(Self { shared: Arc::new(Shared { mapping, bytes_max, new_writer, state, drops }) })
+        Ok(Self { shared: Arc::new(Shared { has_header, bytes_max, new_writer, state, drops }) })
     }
 
     /// The address of the writer.
@@ -136,10 +138,7 @@ enum Unsent {
 
 impl Shared {
     fn encode(&self, to: RequestInfo, response: &[u8]) -> Result<Padded, String> {
-        let header = match self.mapping {
-            ServiceMapping::Enhanced => None,
-            ServiceMapping::Cyclone => Some(CycloneHeader::new(to.client, to.sequence)),
-        };
+        let header = self.has_header.then(|| CycloneHeader::new(to.client, to.sequence));
         let reply = padded(header, response)?;
         match reply.len() {
             len if len > self.bytes_max => Err(format!(
@@ -152,9 +151,9 @@ impl Shared {
 
     fn write(&self, writer: &Writer, to: RequestInfo, reply: Padded) -> Result<(), Unsent> {
         let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now());
-        let options = match self.mapping {
-            ServiceMapping::Cyclone => options,
-            ServiceMapping::Enhanced => options.related_sample_identity(SampleIdentity {
+        let options = match self.has_header {
+            true => options,
+            false => options.related_sample_identity(SampleIdentity {
                 writer_guid: rustdds::GUID::from_bytes(to.client.0),
                 sequence_number: to.sequence.into(),
             }),

@@ -5,11 +5,11 @@ use super::{Lifecycle, Managed};
 use crate::endpoints::error::NodeError;
 use crate::endpoints::node::Handle;
 use crate::endpoints::publisher::Publisher;
-use crate::endpoints::qos::Qos;
 use crate::process::lifecycle_states::{
     LifecycleState, STATES, TRANSITIONS, Transition, transitions_from,
 };
 use crate::process::time::RosTime;
+use crate::samples::qos::Qos;
 use cnc_msgs::wire::lifecycle_msgs::msg as wire;
 use cnc_msgs::wire::lifecycle_msgs::srv;
 use std::future::ready;

@@ -6,10 +6,11 @@ mod cadence;
 mod status;
 
 use super::Controller;
-use crate::axes::Vector;
+use crate::axes::{AXES, Axes};
 use crate::codes::{Alarm, ErrorCode};
 use crate::firmware::{BuildFacts, Feedback, Fields};
 use crate::gcode::{Distance, FeedMode, Motion, Plane, Spindle, Units, system_name};
+use crate::line::Line;
 use crate::motion::mm_from_steps;
 
 pub(super) use cadence::Cadence;
@@ -31,6 +32,15 @@ impl Controller {
             Ok(()) => self.line_out("ok"),
             Err(code) => self.line_out(&code.to_string()),
         }
+    }
+
+    /// Repeats a line as it was read.
+    pub(super) fn echo(&mut self, line: &Line) {
+        let text = match line {
+            Line::Text(text) => text.as_str(),
+            Line::Remark | Line::TooLong => "",
+        };
+        self.line_out(&format!("[echo: {text}]"));
     }
 
     pub(super) fn feedback(&mut self, feedback: Feedback) {
@@ -65,8 +75,18 @@ impl Controller {
         }
     }
 
-    fn vector(&self, mm: Vector) -> String {
-        mm.map(|component| self.length(component)).join(",")
+    /// All axes; those that turn are in degrees in both units.
+    fn vector(&self, mm: Axes) -> String {
+        let letters = self.memory.settings.letters();
+        let shown = |axis: usize| match letters.is_rotary(axis) && self.reports_inches() {
+            true => self.length(mm[axis] * MM_PER_INCH),
+            false => self.length(mm[axis]),
+        };
+        (0..letters.count()).map(shown).collect::<Vec<_>>().join(",")
+    }
+
+    fn reports_inches(&self) -> bool {
+        self.memory.settings.reports_inches()
     }
 
     pub(super) fn report_help(&mut self) {
@@ -108,7 +128,7 @@ impl Controller {
         }
         let settings = &self.memory.settings;
         if self.traits().has_long_listings && settings.homing_enabled() {
-            let at = self.vector(crate::homing::position_after_homing(settings));
+            let at = self.vector(crate::homing::position_after_homing([0.0; AXES], settings));
             let homed = if self.is_homed { 7 } else { 0 };
             self.line_out(&format!("[HOME:{at}:{homed}]"));
         }

@@ -1,6 +1,6 @@
 //! The status report.
 
-use crate::axes::{AXES, AXIS_LETTERS, Vector, subtract};
+use crate::axes::{AXES, Axes, subtract};
 use crate::controller::{Controller, ControllerState, Door};
 use crate::firmware::Fields;
 use crate::gcode::{Coolant, Spindle, system_name};
@@ -66,7 +66,7 @@ impl Controller {
     fn status(&mut self, everything: bool) {
         let settings = &self.memory.settings;
         let fields = (self.traits().fields)(settings, self.build.has_line_numbers);
-        let machine = self.position();
+        let machine = self.axes();
         let offset = self.parser.work_offset(&self.memory.systems);
         let mut text = format!("<{}", self.state_name(fields, everything));
         let read = self.read_counters(machine);
@@ -106,7 +106,7 @@ impl Controller {
     }
 
     /// What a report reads of the position, which may be torn.
-    fn read_counters(&mut self, machine: Vector) -> Vector {
+    fn read_counters(&mut self, machine: Axes) -> Axes {
         /// One more in the second byte of a counter.
         const TORN_STEPS: f64 = 256.0;
         let ahead = self.planner.way_to_go();
@@ -121,7 +121,7 @@ impl Controller {
     }
 
     /// The fields that not every report has.
-    fn occasional(&mut self, fields: Fields, everything: bool, offset: Vector) -> String {
+    fn occasional(&mut self, fields: Fields, everything: bool, offset: Axes) -> String {
         let is_busy = !matches!(
             self.state,
             ControllerState::Idle
@@ -162,7 +162,7 @@ impl Controller {
             text += &format!("|T:{}", self.parser.tool);
         }
         if due.rest {
-            text += &format!("|P:{}", u8::from(self.plant.touches_probe(self.position())));
+            text += &format!("|P:{}", u8::from(self.plant.touches_probe(self.axes())));
         }
         if due.tool_reference {
             text += "|TLR:0";
@@ -222,13 +222,21 @@ impl Controller {
         text
     }
 
-    fn pins(&self, machine: Vector) -> String {
+    fn pins(&self, machine: Axes) -> String {
         let mut text = String::new();
         if self.plant.touches_probe(machine) {
             text.push('P');
         }
         let pressed = self.plant.pressed(machine, &self.memory.settings);
-        text.extend((0..AXES).filter(|&i| pressed[i]).map(|i| AXIS_LETTERS[i]));
+        let letters = self.memory.settings.letters();
+        text.extend(
+            letters
+                .all()
+                .iter()
+                .zip(pressed)
+                .filter(|(_, is_pressed)| *is_pressed)
+                .map(|(letter, _)| *letter),
+        );
         if self.plant.is_door_open {
             text.push('D');
         }

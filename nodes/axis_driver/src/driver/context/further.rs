@@ -1,0 +1,154 @@
+//! The axes besides X, Y and Z: which the board has, and where they are.
+//!
+//! `[AXS:4:XYZA]` gives their letters. A board that prints none of it has as many as its reports
+//! have values, and calls them A, B and C.
+
+use super::machine::Machine;
+use crate::report::{ReportUnits, StatusReport};
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
+use cnc_msgs::machine::FurtherPlaces;
+use serde::{Deserialize, Serialize};
+
+/// What the board has said of its further axes.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub(in crate::driver) struct FurtherState {
+    /// `XYZA`, where the board names its axes.
+    letters: Option<String>,
+    /// The most values after X, Y and Z that a report has had.
+    count: usize,
+    /// The last work offset of each of them, as it was printed.
+    offset: Vec<f64>,
+    machine: FurtherAxes,
+    work: FurtherAxes,
+}
+
+impl FurtherState {
+    /// The index of each value after X, Y and Z in [`FurtherAxes`]; `None` for a letter that is
+    /// not known.
+    fn axes(&self) -> Vec<Option<usize>> {
+        match &self.letters {
+            Some(letters) => letters.chars().skip(3).map(FurtherAxes::index_of).collect(),
+            None => (0..self.count.min(3)).map(Some).collect(),
+        }
+    }
+
+    /// The axes that the board has, as the bits of [`FurtherAxes`].
+    fn bits(&self) -> u8 {
+        self.axes().into_iter().flatten().fold(0, |bits, axis| bits | 1 << axis)
+    }
+
+    fn on_letters(&mut self, letters: &str) {
+        self.letters = Some(letters.to_owned());
+    }
+
+    /// Takes what a report says of them.
+    fn on_status(&mut self, report: &StatusReport, units: ReportUnits) {
+        self.count = self.count.max(report.further.len()).min(FURTHER_LETTERS.len());
+        if report.work_offset.is_some() {
+            self.offset.clone_from(&report.further_offset);
+        }
+        let axes = self.axes();
+        let read = |values: &[f64]| {
+            axes.iter().zip(values).fold(FurtherAxes::NONE, |all, (axis, value)| match axis {
+                Some(axis) if FurtherAxes::is_rotary(*axis) => all.with(*axis, *value),
+                Some(axis) => all.with(*axis, value * units.millimetres()),
+                None => all,
+            })
+        };
+        let (is, offset) = (read(&report.further), read(&self.offset));
+        let shifted = |sign: f64| match offset.bits() == is.bits() {
+            true => is.map(|axis, value| value + sign * offset.get(axis).unwrap_or(0.0)),
+            false => FurtherAxes::NONE,
+        };
+        (self.machine, self.work) = match report.machine_position.is_some() {
+            true => (is, shifted(-1.0)),
+            false => (shifted(1.0), is),
+        };
+    }
+}
+
+impl Machine {
+    pub(in crate::driver) fn on_further_letters(&mut self, letters: &str) {
+        self.further.on_letters(letters);
+    }
+
+    /// Before the other position is worked out from the offset.
+    pub(in crate::driver) fn on_further_status(&mut self, report: &StatusReport) {
+        let units = match self.reports_in_inches() {
+            true => ReportUnits::Inches,
+            false => ReportUnits::Millimetres,
+        };
+        self.further.on_status(report, units);
+    }
+
+    /// The axes that the board has besides X, Y and Z, as the bits of [`FurtherAxes`].
+    pub(in crate::driver) fn further_axes(&self) -> u8 {
+        self.further.bits()
+    }
+
+    /// Where they are, as far as it is known; `None` where the board has none.
+    pub(in crate::driver) fn further_places(&self) -> Option<Box<FurtherPlaces>> {
+        let FurtherState { machine, work, .. } = self.further;
+        let places = FurtherPlaces { machine, work };
+        (places != FurtherPlaces::default()).then(|| Box::new(places))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::{Message, Report, parse};
+
+    fn report(text: &str, units: ReportUnits) -> StatusReport {
+        match parse(text.as_bytes(), units) {
+            Report::Status(report) => *report,
+            other => panic!("{text} is {other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_board_has_the_axes_that_it_names_or_as_many_as_it_reports() {
+        for (letters, text, bits, machine, work) in [
+            (None, "<Idle|MPos:1.000,2.000,3.000|WCO:1.000,0.000,0.000>", 0, "", ""),
+            (None, "<Idle|MPos:1.000,2.000,3.000,90.000>", 0b1, " A90", ""),
+            (
+                None,
+                "<Idle|MPos:0.000,0.000,0.000,90.000,-5.000|WCO:0.000,0.000,0.000,30.000,1.000>",
+                0b11,
+                " A90 B-5",
+                " A60 B-6",
+            ),
+            (
+                Some("XYZU"),
+                "<Idle|WPos:0.000,0.000,0.000,2.500|WCO:0.000,0.000,0.000,1.000>",
+                0b1000,
+                " U3.5",
+                " U2.5",
+            ),
+            (Some("XYZCM"), "<Idle|MPos:0.000,0.000,0.000,7.000,8.000>", 0b100, " C7", ""),
+        ] {
+            let mut machine_model = Machine::default();
+            if let Some(letters) = letters {
+                machine_model.on_message(&Message::Axes(letters.to_owned()));
+            }
+            machine_model.on_status(report(text, ReportUnits::Millimetres));
+            assert_eq!(machine_model.further_axes(), bits, "{text}");
+            let places = machine_model.further_places().unwrap_or_default();
+            let shown = (places.machine.words(), places.work.words());
+            assert_eq!((shown.0.as_str(), shown.1.as_str()), (machine, work), "{text}");
+        }
+    }
+
+    #[test]
+    fn degrees_are_degrees_in_a_report_in_inches() {
+        let mut machine = Machine::default();
+        machine.on_setting(13, "1");
+        machine.on_message(&Message::Axes("XYZAU".to_owned()));
+        let text = "<Idle|MPos:1.0000,0.0000,0.0000,90.000,1.0000>";
+        let report = report(text, ReportUnits::Inches);
+        assert_eq!(report.machine_position, Some([25.4, 0.0, 0.0]));
+        assert_eq!(report.shown_in, Some(ReportUnits::Inches));
+        machine.on_status(report);
+        assert_eq!(machine.further_places().unwrap().machine.words(), " A90 U25.4");
+    }
+}

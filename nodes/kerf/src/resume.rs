@@ -1,0 +1,369 @@
+//! `kerf run --resume`: how a run that was broken off goes on.
+//!
+//! [`line_of`] decides the line. The planner says what its control makes of a start there, and the driver
+//! which lines come first and whether the rest fits the machine. Nothing moves before the answer is yes.
+
+use crate::exit::{Failure, Status};
+use crate::latched::{LATCHED_WITHIN, newest, newest_there};
+use crate::operate::{RunArgs, begin};
+use crate::output_file::OutputFile;
+use crate::page::StartInTheMiddle;
+use cnc_msgs::chunk::Collector;
+use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::convert::mode_from_wire;
+use cnc_msgs::machine::Mode;
+use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::profile::Profile;
+use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal, RunProgramResult};
+use cnc_msgs::wire::cnc_msgs::msg as wire;
+use cnc_msgs::wire::cnc_msgs::msg::{CompensationReport, MachineState, Program, RunResult};
+use cnc_msgs::wire::cnc_msgs::srv::{
+    GetContourChunks, GetContourChunksRequest, GetPathChunks, GetPathChunksRequest,
+    GetProgramChunks, GetProgramChunksRequest, PlanStart, PlanStartRequest, PlanStartResponse,
+};
+use intake::text::one_line;
+use replay::run_result;
+use runtime::chunks::pull;
+use runtime::{Handle, Qos};
+use std::error::Error;
+use std::io::{IsTerminal, Write};
+use std::time::Duration;
+
+/// How long the driver may take to encode the rest of a program.
+const CHECKED_WITHIN: Duration = Duration::from_secs(300);
+
+/// The line to go on with, or why there is none. `asked` is the line that was asked for, or 0.
+fn line_of(last: Option<&RunResult>, loaded: Option<&Program>, asked: u32) -> Result<u32, String> {
+    let by_hand = "or say where to begin: kerf run --resume --start-line LINE";
+    let Some(loaded) = loaded else {
+        return Err("no program is loaded: load the one of the run, with kerf load FILE".into());
+    };
+    if asked > 0 {
+        return Ok(asked);
+    }
+    let Some(last) = last else {
+        return Err(format!(
+            "the driver has run nothing since it was started; the bag of the run says where it ended (kerf bag info), \
+             {by_hand}"
+        ));
+    };
+    if last.program_id != loaded.program_id {
+        let name = one_line(&loaded.name);
+        return Err(format!(
+            "{name}, which is loaded, is not the program of the last run: load that one, {by_hand}"
+        ));
+    }
+    if last.outcome == RunResult::OUTCOME_SUCCEEDED {
+        return Err("the last run was cut to its end: kerf run begins at the start".into());
+    }
+    match last.last_line {
+        0 => Err(format!(
+            "the last run ended before it cut: kerf run begins at the start, {by_hand}"
+        )),
+        line => Ok(line),
+    }
+}
+
+/// `line 12`, or `line 12 (occurrence 3)` where the program runs it several times.
+fn place((line, occurrence): (u32, u32)) -> String {
+    match occurrence {
+        0 => format!("line {line}"),
+        occurrence => format!("line {line} (occurrence {occurrence})"),
+    }
+}
+
+/// What has to be done first, in the order in which it is done.
+fn obstacles(state: &MachineState) -> Vec<String> {
+    let mut first = Vec::new();
+    if state.needs_reset {
+        first.push("reset the controller: kerf reset".to_owned());
+    }
+    match mode_from_wire(state.state) {
+        Mode::Idle => {}
+        Mode::Alarm => {
+            first.push("the machine is in ALARM: kerf unlock, and kerf home where it homes".into());
+        }
+        Mode::Disconnected => first.push("no controller is connected".into()),
+        // The reset is said already.
+        _ if state.needs_reset => {}
+        mode => first.push(format!("the machine is in {}: kerf abort", mode.name())),
+    }
+    first
+}
+
+/// The goal that goes on with a run, once its user has confirmed it.
+pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgramGoal, Failure> {
+    let page = OutputFile::claim_if(args.html.as_deref(), &[])?;
+    let mut states = node.subscription::<MachineState>("machine_state", Qos::LATCHED)?;
+    let mut results = node.subscription::<RunResult>("run_result", Qos::LATCHED)?;
+    let mut programs = node.subscription::<Program>("program", Qos::LATCHED)?;
+    let mut reports =
+        node.subscription::<CompensationReport>("compensation_report", Qos::LATCHED)?;
+    let mut paths = node.subscription::<wire::CompensatedPath>("compensated_path", Qos::LATCHED)?;
+    let mut contours =
+        node.subscription::<wire::ProgrammedContour>("programmed_contour", Qos::LATCHED)?;
+    let refused = |why: String| Failure::new(Status::NodeRefused, why);
+
+    let (state, last, loaded, report) = tokio::join!(
+        newest(&mut states, |it| (it.header.stamp.sec, it.header.stamp.nanosec)),
+        newest(&mut results, |it| (it.stamp.sec, it.stamp.nanosec)),
+        newest(&mut programs, |it| (it.stamp.sec, it.stamp.nanosec)),
+        newest(&mut reports, |it| it.revision),
+    );
+    let state = state.ok_or_else(|| {
+        let seconds = LATCHED_WITHIN.as_secs();
+        Failure::new(Status::NoAnswer, format!("no driver answered within {seconds} s"))
+    })?;
+    let asked = line_of(last.as_ref(), loaded.as_ref(), args.start_line).map_err(refused)?;
+    let program = loaded.unwrap_or_default();
+    let Program { program_id, name, .. } = program.clone();
+    let report = report.filter(|it| it.program_id == program_id && it.accepted);
+    let Some(CompensationReport { revision, .. }) = report else {
+        return Err(refused(format!("{} has no plan that may be run", one_line(&name))));
+    };
+
+    if let Some(last) = last.as_ref().filter(|it| it.program_id == program_id) {
+        println!("{}: the last run: {}", one_line(&name), run_result::of_message(last));
+    }
+    let occurrence = match (args.start_line, args.occurrence) {
+        (0, 0) => last.as_ref().map_or(0, |last| last.last_occurrence),
+        (_, asked) => asked,
+    };
+    let start = (asked, occurrence);
+    let ((line, occurrence), planned) = planned_start(node, &program_id, revision, start).await?;
+    if (line, occurrence) != start {
+        println!("it cannot begin with {}, so it begins before", place(start));
+    }
+    println!("  {planned}");
+    let goal = RunProgramGoal { program_id, start_line: line, check_only: false, occurrence };
+    println!("  {}", checked(node, goal.clone()).await?);
+    if let Some(page) = page {
+        let path = newest_there(&mut paths, |it| it.revision).await;
+        let path = path.filter(|it| (&it.program_id, it.revision) == (&goal.program_id, revision));
+        let contour = newest_there(&mut contours, |_| 0).await;
+        let contour = contour.filter(|it| it.program_id == goal.program_id);
+        let (Some(path), Some(contour)) = (path, contour) else {
+            return Err(Failure::new(Status::NoAnswer, "the planner shows no path to draw"));
+        };
+        let manifests = Manifests { program, contour, path };
+        draw(node, page, &manifests, (line, occurrence), &planned).await?;
+    }
+    let first = obstacles(&state);
+    if !first.is_empty() {
+        return Err(refused(format!("before it can begin: {}", first.join("; "))));
+    }
+    if !state.is_homed {
+        println!(
+            "  the machine is not homed: be sure that it stands where it says, and that its zero is right"
+        );
+    }
+    if !args.yes && !is_confirmed((line, occurrence))? {
+        return Err(refused("nothing was run".into()));
+    }
+    // It may have been planned anew while the question stood there.
+    match newest_there(&mut reports, |it| it.revision).await {
+        Some(now) if now.program_id != goal.program_id || now.revision != revision => Err(refused(
+            "the program was planned anew meanwhile, and nothing was run: look again".into(),
+        )),
+        _ => Ok(goal),
+    }
+}
+
+/// Where the control begins for this line, and what is in force there.
+async fn planned_start(
+    node: &Handle,
+    program_id: &str,
+    revision: u64,
+    (line, occurrence): (u32, u32),
+) -> Result<((u32, u32), String), Failure> {
+    let planner = node.client::<PlanStart>("plan_start")?;
+    let ask = async |(line, occurrence)| {
+        let program_id = program_id.to_owned();
+        planner.call(PlanStartRequest { program_id, revision, line, occurrence }).await
+    };
+    let answer = ask((line, occurrence)).await?;
+    let nearest = (answer.nearest_line, answer.nearest_occurrence);
+    let (start, answer) = match answer.error_code {
+        PlanStartResponse::START_REFUSED
+            if answer.nearest_line > 0 && nearest != (line, occurrence) =>
+        {
+            println!("{}", one_line(&answer.message));
+            (nearest, ask(nearest).await?)
+        }
+        _ => ((line, occurrence), answer),
+    };
+    let message = one_line(&answer.message).into_owned();
+    if answer.success {
+        Ok((start, message))
+    } else {
+        Err(Failure::new(Status::NodeRefused, message))
+    }
+}
+
+/// What the driver would send first, and how long the rest takes.
+async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Failure> {
+    let goal = RunProgramGoal { check_only: true, ..goal };
+    let handle = begin::<RunProgram>(node, "run_program", goal).await?;
+    let (_, result) = handle
+        .result(CHECKED_WITHIN)
+        .await
+        .map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
+    let message = one_line(&result.message).into_owned();
+    if result.outcome == RunProgramResult::OUTCOME_SUCCEEDED {
+        return Ok(message);
+    }
+    Err(Failure::new(Status::NodeRefused, format!("{message} (error {})", result.error_code)))
+}
+
+/// Asks on the terminal; without one nobody can answer.
+fn is_confirmed(start: (u32, u32)) -> Result<bool, Failure> {
+    if !std::io::stdin().is_terminal() {
+        return Err(Failure::new(
+            Status::NodeRefused,
+            "nothing was run: there is no terminal to confirm on; --yes begins without asking",
+        ));
+    }
+    print!("Begin with {}? [y/N] ", place(start));
+    let mut answer = String::new();
+    let read = std::io::stdout().flush().and_then(|()| std::io::stdin().read_line(&mut answer));
+    read.map_err(Failure::usage)?;
+    Ok(matches!(answer.trim(), "y" | "Y" | "yes"))
+}
+
+/// What the page of a start is drawn from, announced by three nodes.
+struct Manifests {
+    program: Program,
+    contour: wire::ProgrammedContour,
+    path: wire::CompensatedPath,
+}
+
+/// The same, fetched.
+struct Fetched {
+    text: Vec<u8>,
+    contour: ProgrammedContour,
+    profile: Profile,
+    path: CompensatedPath,
+}
+
+/// Draws the path up to the start and from it on.
+async fn draw(
+    node: &Handle,
+    page: OutputFile,
+    manifests: &Manifests,
+    (line, occurrence): (u32, u32),
+    planned: &str,
+) -> Result<(), Failure> {
+    let fetched = fetched(node, manifests).await.map_err(|why| {
+        Failure::new(Status::NoAnswer, format!("the page cannot be drawn: {why}"))
+    })?;
+    let start = StartInTheMiddle {
+        name: &manifests.program.name,
+        text: &String::from_utf8_lossy(&fetched.text),
+        contour: &fetched.contour,
+        profile: &fetched.profile,
+        path: &fetched.path,
+        line,
+        occurrence,
+        planned,
+    };
+    page.write(|to| start.page().write_html(to))
+}
+
+async fn fetched(node: &Handle, manifests: &Manifests) -> Result<Fetched, Box<dyn Error>> {
+    let Manifests { program, contour, path } = manifests;
+    let program_id = || program.program_id.clone();
+    let mut text = Collector::for_program(program)?;
+    pull(
+        &node.client::<GetProgramChunks>("program/get_chunks")?,
+        &mut text,
+        |first| GetProgramChunksRequest { program_id: program_id(), first },
+        |answer| if answer.success { Ok(answer.chunks) } else { Err(answer.message) },
+    )
+    .await?;
+    let mut programmed = Collector::for_contour(contour)?;
+    pull(
+        &node.client::<GetContourChunks>("programmed_contour/get_chunks")?,
+        &mut programmed,
+        |first| GetContourChunksRequest { program_id: program_id(), first },
+        |answer| if answer.success { Ok(answer.chunks) } else { Err(answer.message) },
+    )
+    .await?;
+    let mut compensated = Collector::for_path(path)?;
+    pull(
+        &node.client::<GetPathChunks>("compensated_path/get_chunks")?,
+        &mut compensated,
+        |first| GetPathChunksRequest { program_id: program_id(), revision: path.revision, first },
+        |answer| if answer.success { Ok(answer.chunks) } else { Err(answer.message) },
+    )
+    .await?;
+    Ok(Fetched {
+        text: text.finish(program)?,
+        contour: programmed.finish(contour)?,
+        profile: settings::profile_from_yaml(&contour.profile)?,
+        path: compensated.finish(path)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::convert::mode_to_wire;
+
+    #[test]
+    fn the_line_is_that_where_the_last_run_of_this_program_broke_off() {
+        let result = |outcome, program_id: &str, last_line| RunResult {
+            outcome,
+            program_id: program_id.into(),
+            last_line,
+            ..RunResult::default()
+        };
+        let part =
+            Program { program_id: "a".into(), name: "part.ngc".into(), ..Program::default() };
+        let (done, aborted) = (RunResult::OUTCOME_SUCCEEDED, RunResult::OUTCOME_ABORTED);
+        let canceled = RunResult::OUTCOME_CANCELED;
+        for (last, loaded, asked, expected) in [
+            (Some(result(aborted, "a", 7)), Some(&part), 0, Ok(7)),
+            (Some(result(canceled, "a", 7)), Some(&part), 0, Ok(7)),
+            (Some(result(aborted, "a", 7)), Some(&part), 5, Ok(5)),
+            (None, Some(&part), 5, Ok(5)),
+            (Some(result(done, "a", 7)), Some(&part), 5, Ok(5)),
+            (Some(result(done, "a", 7)), Some(&part), 0, Err("cut to its end")),
+            (
+                Some(result(aborted, "b", 7)),
+                Some(&part),
+                0,
+                Err("part.ngc, which is loaded, is not"),
+            ),
+            (Some(result(aborted, "a", 0)), Some(&part), 0, Err("ended before it cut")),
+            (None, Some(&part), 0, Err("has run nothing since it was started")),
+            (Some(result(aborted, "a", 7)), None, 0, Err("no program is loaded")),
+            (Some(result(aborted, "a", 7)), None, 5, Err("no program is loaded")),
+        ] {
+            match (line_of(last.as_ref(), loaded, asked), expected) {
+                (Ok(line), Ok(expected)) => assert_eq!(line, expected),
+                (Err(why), Err(expected)) => assert!(why.contains(expected), "{why}"),
+                (line, expected) => panic!("{line:?} and not {expected:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_to_be_done_first_is_said() {
+        for (mode, needs_reset, expected) in [
+            (Mode::Idle, false, &[][..]),
+            (Mode::Idle, true, &["kerf reset"]),
+            (Mode::Alarm, false, &["kerf unlock"]),
+            (Mode::Alarm, true, &["kerf reset", "kerf unlock"]),
+            (Mode::Hold, false, &["is in HOLD: kerf abort"]),
+            (Mode::Unknown, true, &["kerf reset"]),
+            (Mode::Disconnected, false, &["no controller"]),
+        ] {
+            let state = mode_to_wire(mode);
+            let first = obstacles(&MachineState { state, needs_reset, ..MachineState::default() });
+            assert_eq!(first.len(), expected.len(), "{first:?}");
+            for (sentence, expected) in first.iter().zip(expected) {
+                assert!(sentence.contains(expected), "{sentence}");
+            }
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Joins a domain of DDS: the participant, its context and its node.
+
+use crate::command_line::environment::{DiscoveryRange, Environment};
+use crate::command_line::names::Names;
+use crate::endpoints::dds::Dds;
+use crate::endpoints::error::{NodeError, failed};
+use crate::endpoints::graph::LOOPBACK_PARTICIPANTS_MAX;
+use crate::endpoints::middleware::Middleware;
+use crate::process::lock;
+use crate::process::shutdown::Shutdown;
+use crate::process::watchdog::EndOfProcess;
+use crate::rustdds::dds_threads::{DdsThreads, dds_threads};
+use crate::rustdds::dds_watch;
+use crate::rustdds::dropped_publishers::DroppedPublishers;
+use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
+use crate::rustdds::sockets::{confine_since, open_sockets};
+use crate::samples::qos::Qos;
+use crate::session::Joined;
+use ros2_client::{Context, NodeName, NodeOptions};
+use rustdds::{DomainParticipant, DomainParticipantBuilder};
+use std::net::Ipv4Addr;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use tokio::sync::watch;
+
+/// Joins the domain and announces the node. `deaf` gets the reason when the DDS layer ends, unless
+/// `end` says that the process ends with it.
+pub(crate) fn join(
+    names: &Names,
+    environment: &Environment,
+    enclave: Option<&Path>,
+    (deaf, end): (watch::Sender<Option<String>>, Option<EndOfProcess>),
+    shutdown: Shutdown,
+) -> Result<Joined, NodeError> {
+    let (participant, threads) = participant(environment, enclave)?;
+    if threads.count() == 0 {
+        tracing::warn!("/proc does not show the threads of the DDS layer: nobody watches them");
+    }
+    let watch =
+        dds_watch::start(participant.clone(), environment.domain_id, threads.clone(), deaf, end)
+            .map_err(|error| failed("the thread that watches the DDS layer", &error))?;
+    let endpoint_rate = EndpointRateLimit::new(threads, enclave.is_some());
+    // The context and the node have an endpoint each.
+    let turn = endpoint_rate.turn();
+    let context = Context::from_domain_participant(participant.clone())
+        .map_err(|error| failed("the ROS context", &error))?;
+    let node_name = NodeName::new(names.namespace(), names.node())
+        .map_err(|error| failed("the node", &error))?;
+    drop(turn);
+    let turn = endpoint_rate.turn();
+    let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
+    let node = context
+        .new_node(node_name, options)
+        .map_err(|error| failed(&names.fully_qualified(), &error))?;
+    drop(turn);
+    let writers = participant
+        .create_publisher(&Qos::SERVICES.policies())
+        .map_err(|error| failed("the DDS publisher", &error))?;
+    let middleware = Middleware::Dds(Arc::new(Dds {
+        node: Mutex::new(Some(node)),
+        participant,
+        writers,
+        endpoint_rate,
+        dropped_publishers: DroppedPublishers::new(shutdown),
+        environment: environment.clone(),
+    }));
+    Ok(Joined { middleware, watch, context })
+}
+
+pub(crate) fn warn_of_too_many_participants(dds: &Dds) {
+    let id = usize::from(dds.participant.participant_id());
+    let is_local = dds.environment.range != DiscoveryRange::Subnet;
+    if is_local && id >= LOOPBACK_PARTICIPANTS_MAX {
+        tracing::error!(
+            "this is participant {} of ROS_DOMAIN_ID {} on this computer; on the loopback \
+             interface alone the others do not see more than {LOOPBACK_PARTICIPANTS_MAX}: \
+             stop some, or use another domain, or ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+            id + 1,
+            dds.environment.domain_id
+        );
+    }
+}
+
+/// One participant at a time: its sockets and threads are found by comparing before and after.
+static JOINING: Mutex<()> = Mutex::new(());
+
+fn participant(
+    environment: &Environment,
+    enclave: Option<&Path>,
+) -> Result<(DomainParticipant, DdsThreads), NodeError> {
+    let _alone = lock(&JOINING);
+    let (before, threads_before) = (open_sockets(), dds_threads());
+    let participant = build(environment, enclave)?;
+    let threads = DdsThreads::since(&threads_before);
+    if environment.range != DiscoveryRange::Subnet {
+        match before.and_then(|before| confine_since(&before)) {
+            Ok(count) => tracing::debug!("{count} sockets are bound to the loopback interface"),
+            Err(error) => {
+                return Err(failed(
+                    "a node that only this computer reaches",
+                    &format_args!(
+                        "its sockets cannot be bound to the loopback interface ({error}); in a \
+                         container allow it with --cap-add SYS_PTRACE, or let other computers \
+                         reach it with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
+                    ),
+                ));
+            }
+        }
+    }
+    Ok((participant, threads))
+}
+
+fn build(
+    environment: &Environment,
+    enclave: Option<&Path>,
+) -> Result<DomainParticipant, NodeError> {
+    let builder = DomainParticipantBuilder::new(environment.domain_id);
+    let builder = match environment.range {
+        DiscoveryRange::Subnet => builder,
+        DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
+        DiscoveryRange::Off => {
+            builder.with_only_networks(std::iter::empty::<Ipv4Addr>()).same_host_loopback(false)
+        }
+    };
+    let builder = match enclave {
+        Some(enclave) => protect(builder, enclave),
+        None => builder,
+    };
+    builder.build().map_err(|error| {
+        failed(&format!("a participant in domain {}", environment.domain_id), &error)
+    })
+}
+
+/// Gives the participant the keys and permissions of its enclave.
+#[cfg(feature = "security")]
+fn protect(builder: DomainParticipantBuilder, enclave: &Path) -> DomainParticipantBuilder {
+    use rustdds::DomainParticipantSecurityConfigFiles;
+    // SROS2 keys have no password: file permissions protect them.
+    let files =
+        DomainParticipantSecurityConfigFiles::with_ros_default_names(enclave, String::new());
+    builder.builtin_security(files)
+}
+
+/// There is no enclave where security is not built in.
+#[cfg(not(feature = "security"))]
+fn protect(builder: DomainParticipantBuilder, _: &Path) -> DomainParticipantBuilder {
+    builder
+}

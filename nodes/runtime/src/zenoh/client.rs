@@ -1,0 +1,93 @@
+//! Sends requests, each as a query, and passes the replies on.
+
+use crate::process::time::RosTime;
+use crate::samples::gid::Gid;
+use crate::samples::sample::{RequestId, Sample, SampleInfo};
+use crate::zenoh::attachment::{Attachment, encapsulated, received};
+use crate::zenoh::discovery::Announced;
+use crate::zenoh::inbox::Inbox;
+use crate::zenoh::names::gid_of;
+use crate::zenoh::publisher::BYTES_MAX;
+use std::sync::Arc;
+use zenoh::Wait;
+use zenoh::query::{Querier, Reply};
+
+/// The requests of a client.
+pub(crate) struct Requests {
+    querier: Querier<'static>,
+    gid: Gid,
+    wire_gid: [u8; 16],
+    /// The number of the last request.
+    sequence: i64,
+    replies: Arc<Inbox>,
+    _announced: Announced,
+}
+
+impl Requests {
+    pub(crate) fn new(
+        querier: Querier<'static>,
+        (gid, wire_gid): (Gid, [u8; 16]),
+        replies: Arc<Inbox>,
+        announced: Announced,
+    ) -> Self {
+        Self { querier, gid, wire_gid, sequence: 0, replies, _announced: announced }
+    }
+
+    pub(crate) fn gid(&self) -> Gid {
+        self.gid
+    }
+
+    /// Whether a request would reach a server.
+    pub(crate) fn reach_a_server(&self) -> bool {
+        // What cannot be known is tried.
+        self.querier.matching_status().wait().map_or(true, |status| status.matching())
+    }
+
+    /// Sends the CDR of a request; returns its number.
+    pub(crate) fn send(&mut self, body: &[u8]) -> Result<i64, String> {
+        if body.len() > BYTES_MAX {
+            return Err(format!(
+                "a request of {} bytes; at most {BYTES_MAX} can be sent",
+                body.len()
+            ));
+        }
+        self.sequence += 1;
+        let request = RequestId { client: self.gid, sequence: self.sequence };
+        let attachment = Attachment {
+            sequence: self.sequence,
+            source_time: RosTime::wall().as_nanos(),
+            wire_gid: self.wire_gid,
+        };
+        let replies = Arc::clone(&self.replies);
+        self.querier
+            .get()
+            .payload(encapsulated(body))
+            .attachment(attachment.bytes())
+            .callback(move |reply: Reply| {
+                if let Some(item) = sample(&reply, request) {
+                    replies.push(item);
+                }
+            })
+            .wait()
+            .map_err(|error| error.to_string())?;
+        Ok(self.sequence)
+    }
+}
+
+/// A reply; none for one that says that there is none, which the caller notices by the time.
+fn sample(reply: &Reply, request: RequestId) -> Option<Result<Sample, String>> {
+    let found = reply.result().ok()?;
+    // The server, by its session.
+    let server = reply.replier_id().map(|id| gid_of(id.zid().to_le_bytes(), id.eid()));
+    let attachment = found.attachment().and_then(|it| Attachment::parse(&it.to_bytes()));
+    Some(received(&found.payload().to_bytes()).map(|received| Sample {
+        received,
+        info: SampleInfo {
+            publisher: server.unwrap_or_default(),
+            sequence: request.sequence,
+            source_time: attachment.map(|it| RosTime::from_nanos(it.source_time)),
+            reception_time: RosTime::wall(),
+        },
+        request: Some(request),
+    }))
+}
