@@ -1,6 +1,6 @@
 //! A, B, C, U, V and W from the words of a program to the axes of a board, and back in its reports.
 
-use axis_driver::driver::{Command, OffsetRequest, RunOutcome, RunRequest};
+use axis_driver::driver::{Command, JogFrame, JogRequest, OffsetRequest, RunOutcome, RunRequest};
 use cnc_msgs::contour::{Action, ContourEventKind};
 use cnc_msgs::convert::machine_state_to_wire;
 use cnc_msgs::finding::Finding;
@@ -43,6 +43,7 @@ fn board(firmware: Firmware, axes: &str) -> Line {
     let start_in_machine = Some([-300.0, -200.0, -50.0]);
     let mut line = Line::connected(Build { start_in_machine, ..Build::new(settings) });
     line.ask(Command::SetWorkOffset(OffsetRequest {
+        further: FurtherAxes::NONE,
         system: 1,
         axes: AxisSet::ALL,
         position: [0.0; 3],
@@ -291,4 +292,79 @@ fn a_start_in_the_middle_after_an_axis_has_turned_is_refused_with_the_line() {
     let mut line = board(Firmware::GrblHal, "XYZ");
     let idle = "G21 G90\nG0 X1 A0\nG1 X2 F100\nX3\nM2\n";
     line.ask(request(idle, 4)).expect("it may begin there");
+}
+
+fn jog(frame: JogFrame, further: FurtherAxes, feed_mm_per_min: f64) -> JogRequest {
+    JogRequest { frame, axes: AxisSet::NONE, target: [0.0; 3], feed_mm_per_min, further }
+}
+
+fn zero(system: u8, further: FurtherAxes, is_origin: bool) -> Command {
+    let (axes, position) = (AxisSet::NONE, [0.0; 3]);
+    Command::SetWorkOffset(OffsetRequest { system, axes, position, is_origin, further })
+}
+
+#[test]
+fn further_axes_are_zeroed_and_jogged_in_every_frame() {
+    let a = |value| FurtherAxes::NONE.with(0, value);
+    for firmware in [Firmware::GrblHal, Firmware::FluidNc, Firmware::Grbl] {
+        let mut line = board(firmware, "XYZA");
+        for (frame, to, wanted) in [
+            (JogFrame::Relative, -30.0, -30.0),
+            (JogFrame::Work, 90.0, 90.0),
+            (JogFrame::Relative, 0.5, 90.5),
+        ] {
+            line.ask(Command::Jog(jog(frame, a(to), 1_000.0))).expect("the jog begins");
+            let result = line.move_result();
+            assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware} {frame:?}: {result:?}");
+            assert!((further(&line)[0] - wanted).abs() < 0.01, "{firmware} {frame:?}");
+            let reported = result.further.get(0).expect("where A stands");
+            assert!((reported - wanted).abs() < 0.01, "{firmware} {frame:?}: {reported}");
+        }
+        line.ask(zero(1, a(10.0), false)).expect("A is set");
+        line.ask(Command::Jog(jog(JogFrame::Work, a(0.0), 1_000.0))).expect("the jog begins");
+        assert_eq!(line.move_result().error_code, 0);
+        assert!((further(&line)[0] - 80.5).abs() < 0.01, "{firmware}");
+        // X, Y and Z are where they were.
+        let at = line.axes();
+        assert!((at[0] + 300.0).abs() < 1e-6 && (at[2] + 50.0).abs() < 1e-6, "{firmware}: {at:?}");
+        line.ask(zero(2, a(45.0), true)).expect("the origin of A is set");
+        // The feed is in degrees/min.
+        let begun = line.now;
+        line.ask(Command::Jog(jog(JogFrame::Relative, a(60.0), 600.0))).expect("the jog begins");
+        assert_eq!(line.move_result().error_code, 0);
+        let took = (line.now - begun).as_secs_f64();
+        assert!((6.0..7.5).contains(&took), "{firmware}: {took} s");
+    }
+}
+
+#[test]
+fn a_jog_of_further_axes_that_boards_understand_differently_moves_nothing() {
+    let mut line = board(Firmware::GrblHal, "XYZAU");
+    let both = FurtherAxes::NONE.with(0, 1.0).with(3, 1.0);
+    let with_x = JogRequest {
+        axes: AxisSet::NONE.with(0),
+        ..jog(JogFrame::Relative, FurtherAxes::NONE.with(0, 1.0), 100.0)
+    };
+    let missing = FurtherAxes::NONE.with(2, 1.0);
+    let far = FurtherAxes::NONE.with(0, 70_000.0);
+    let relative = |further| Command::Jog(jog(JogFrame::Relative, further, 100.0));
+    for (command, said) in [
+        (relative(both), "boards differ"),
+        (Command::Jog(with_x), "boards differ"),
+        (relative(missing), "the controller has no axis C: it has X Y Z A U"),
+        (relative(far), "A70000 is not between -65536 and 65536 degrees"),
+        (relative(FurtherAxes::NONE), "no axis is named"),
+        (zero(1, missing, false), "the controller has no axis C"),
+    ] {
+        let refusal = line.ask(command).expect_err("refused");
+        assert!(refusal.message.contains(said), "{refusal:?}");
+    }
+    assert_eq!(further(&line), [0.0; 3]);
+    // A jog that is stopped says where the axis is.
+    line.ask(relative(FurtherAxes::NONE.with(0, 300.0))).expect("the jog begins");
+    line.wait(2.0);
+    line.ask(Command::FeedHold).ok();
+    let result = line.move_result();
+    assert_eq!(result.error_code, axis_driver::codes::error_code::STOPPED_SHORT, "{result:?}");
+    assert!(result.message.contains("and not at A300.000"), "{result:?}");
 }

@@ -7,6 +7,7 @@ use axis_driver::driver::{
 };
 use axis_driver::firmware;
 use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
@@ -91,6 +92,7 @@ fn a_program_of_everything_runs_on_every_family() {
     for firmware in Firmware::ALL {
         let mut line = connected(firmware);
         line.ask(Command::SetWorkOffset(OffsetRequest {
+            further: FurtherAxes::NONE,
             system: 1,
             axes: AxisSet::ALL,
             position: [0.0; 3],
@@ -193,7 +195,13 @@ fn jog_probe_home_and_overrides_work_on_every_family() {
         assert_eq!(line.mode(), Mode::Idle, "{firmware:?}");
         let jog = |target, feed_mm_per_min| {
             let (frame, axes) = (JogFrame::Machine, AxisSet::ALL);
-            Command::Jog(JogRequest { frame, axes, target, feed_mm_per_min })
+            Command::Jog(JogRequest {
+                further: FurtherAxes::NONE,
+                frame,
+                axes,
+                target,
+                feed_mm_per_min,
+            })
         };
         line.ask(jog(START, 5_000.0)).unwrap();
         let result = line.move_result();
@@ -263,6 +271,7 @@ fn check_mode_reads_every_line_moves_nothing_and_ends_in_a_reset() {
         let mut line = Line::new(config.clone(), build(firmware), &[]);
         line.until("a place", |line| line.state().work_position.is_some());
         line.ask(Command::SetWorkOffset(OffsetRequest {
+            further: FurtherAxes::NONE,
             system: 1,
             axes: AxisSet::ALL,
             position: [0.0; 3],

@@ -7,6 +7,7 @@ use axis_driver::driver::{
     Command, DriverConfig, OffsetRequest, OnPathDeviation, ProbeRequest, RunOutcome, RunResult,
 };
 use cnc_msgs::contour::{Action, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::machine::{LinkWatch, Mode};
 use cnc_msgs::path::CompensatedPath;
@@ -38,8 +39,13 @@ fn connected(firmware: Firmware, mask: u16, config: DriverConfig) -> Line {
     let build = Build { start_in_machine, probe_surface_z_mm: Some(-55.0), ..Build::new(settings) };
     let mut line = Line::new(config, build, &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
-    let zero =
-        OffsetRequest { system: 1, axes: AxisSet::ALL, position: [0.0; 3], is_origin: false };
+    let zero = OffsetRequest {
+        further: FurtherAxes::NONE,
+        system: 1,
+        axes: AxisSet::ALL,
+        position: [0.0; 3],
+        is_origin: false,
+    };
     line.ask(Command::SetWorkOffset(zero)).unwrap();
     line
 }

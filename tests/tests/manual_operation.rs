@@ -4,6 +4,7 @@ use axis_driver::codes::error_code;
 use axis_driver::driver::{
     Command, DriverConfig, JogFrame, JogRequest, OffsetRequest, Overrides, ProbeRequest, RunOutcome,
 };
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use kerf_tests::line::Line;
@@ -20,6 +21,7 @@ fn build() -> Build {
 fn jog(target: f64) -> Command {
     let target = [target, 0.0, 0.0];
     Command::Jog(JogRequest {
+        further: FurtherAxes::NONE,
         frame: JogFrame::Relative,
         axes: X,
         target,
@@ -33,6 +35,11 @@ fn probe(distance: f64, may_miss: bool) -> Command {
     Command::Probe(ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss })
 }
 
+fn set_offset(system: u8, axes: AxisSet, position: [f64; 3], is_origin: bool) -> Command {
+    let further = FurtherAxes::NONE;
+    Command::SetWorkOffset(OffsetRequest { system, axes, position, is_origin, further })
+}
+
 fn near(a: [f64; 3], b: [f64; 3]) -> bool {
     (0..3).all(|axis| (a[axis] - b[axis]).abs() < 0.02)
 }
@@ -40,8 +47,8 @@ fn near(a: [f64; 3], b: [f64; 3]) -> bool {
 #[test]
 fn a_jog_reaches_its_target_in_every_frame() {
     let mut line = Line::connected(build());
-    let offset = OffsetRequest { system: 1, axes: X, position: [7.0, 0.0, 0.0], is_origin: false };
-    line.ask(Command::SetWorkOffset(offset)).unwrap();
+    let offset = set_offset(1, X, [7.0, 0.0, 0.0], false);
+    line.ask(offset).unwrap();
     for (frame, to, wanted) in [
         (JogFrame::Relative, 12.5, -287.5),
         // Its place was called 7.
@@ -49,7 +56,13 @@ fn a_jog_reaches_its_target_in_every_frame() {
         (JogFrame::Machine, -310.0, -310.0),
     ] {
         let target = [to, 0.0, 0.0];
-        let request = JogRequest { frame, axes: X, target, feed_mm_per_min: 2_000.0 };
+        let request = JogRequest {
+            further: FurtherAxes::NONE,
+            frame,
+            axes: X,
+            target,
+            feed_mm_per_min: 2_000.0,
+        };
         line.ask(Command::Jog(request)).unwrap();
         assert_eq!(line.mode(), Mode::Jog);
         let result = line.move_result();
@@ -125,15 +138,27 @@ fn numbers_out_of_range_move_nothing() {
     let then = line.now;
     let feed = |feed_mm_per_min| {
         let target = [1.0, 0.0, 0.0];
-        Command::Jog(JogRequest { frame: JogFrame::Relative, axes: X, target, feed_mm_per_min })
+        Command::Jog(JogRequest {
+            further: FurtherAxes::NONE,
+            frame: JogFrame::Relative,
+            axes: X,
+            target,
+            feed_mm_per_min,
+        })
     };
     let axes = |axes| {
         let (target, feed_mm_per_min) = ([1.0, 0.0, 0.0], 100.0);
-        Command::Jog(JogRequest { frame: JogFrame::Relative, axes, target, feed_mm_per_min })
+        Command::Jog(JogRequest {
+            further: FurtherAxes::NONE,
+            frame: JogFrame::Relative,
+            axes,
+            target,
+            feed_mm_per_min,
+        })
     };
     let offset = |system, is_origin| {
         let position = [0.0; 3];
-        Command::SetWorkOffset(OffsetRequest { system, axes: X, position, is_origin })
+        set_offset(system, X, position, is_origin)
     };
     for command in [
         feed(0.0),
@@ -162,8 +187,8 @@ fn numbers_out_of_range_move_nothing() {
 #[test]
 fn a_probe_reports_where_it_touched_in_both_frames() {
     let mut line = Line::connected(Build { probe_surface_z_mm: Some(-62.0), ..build() });
-    let offset = OffsetRequest { system: 1, axes: Z, position: [0.0, 0.0, 10.0], is_origin: false };
-    line.ask(Command::SetWorkOffset(offset)).unwrap();
+    let offset = set_offset(1, Z, [0.0, 0.0, 10.0], false);
+    line.ask(offset).unwrap();
     line.ask(probe(-20.0, false)).unwrap();
     let result = line.move_result();
     assert_eq!((result.outcome, result.found), (RunOutcome::Succeeded, true), "{result:?}");
@@ -209,15 +234,15 @@ fn a_probe_that_is_canceled_stops_and_is_reset() {
 fn offsets_are_kept_by_the_controller_and_reported_with_its_settings() {
     let mut line = Line::connected(build());
     let position = [-100.0, -50.0, -20.0];
-    let offset = OffsetRequest { system: 3, axes: AxisSet::ALL, position, is_origin: true };
-    line.ask(Command::SetWorkOffset(offset)).unwrap();
+    let offset = set_offset(3, AxisSet::ALL, position, true);
+    line.ask(offset).unwrap();
     let settings = line.settings.clone().unwrap();
     let g56 = settings.offsets.iter().find(|offset| offset.name == "G56").unwrap();
     assert_eq!(g56.position, position);
     assert!(settings.settings.contains(&(13, "0".into())), "{:?}", settings.settings);
     assert_eq!((settings.planner_blocks, settings.receive_bytes, settings.window), (15, 128, 127));
-    let shift = OffsetRequest { system: 92, axes: X, position: [3.0, 0.0, 0.0], is_origin: false };
-    line.ask(Command::SetWorkOffset(shift)).unwrap();
+    let shift = set_offset(92, X, [3.0, 0.0, 0.0], false);
+    line.ask(shift).unwrap();
     line.wait(1.0);
     assert!((line.state().work_position.unwrap()[0] - 3.0).abs() < 0.02);
 }
@@ -391,9 +416,8 @@ fn a_request_after_a_refusal_waits_for_its_own_answer() {
 #[test]
 fn a_shift_that_a_reset_drops_is_reported() {
     let mut line = Line::connected(build());
-    let shift =
-        OffsetRequest { system: 92, axes: AxisSet::ALL, position: [0.0; 3], is_origin: false };
-    line.ask(Command::SetWorkOffset(shift)).unwrap();
+    let shift = set_offset(92, AxisSet::ALL, [0.0; 3], false);
+    line.ask(shift).unwrap();
     line.start(kerf_tests::line::straight(100, 1.0), 0);
     line.wait(0.5);
     line.ask(Command::CancelRun { run: None }).unwrap();

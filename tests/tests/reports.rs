@@ -4,6 +4,7 @@ use axis_driver::codes::error_code;
 use axis_driver::driver::{
     CheckTravel, Command, DriverConfig, Input, JogFrame, JogRequest, RunOutcome,
 };
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use kerf_tests::line::{Line, straight};
@@ -21,6 +22,7 @@ fn build(firmware: Firmware, lines: &[&str]) -> Build {
 fn jog(x: f64) -> Command {
     let target = [x, 0.0, 0.0];
     Command::Jog(JogRequest {
+        further: FurtherAxes::NONE,
         frame: JogFrame::Relative,
         axes: X,
         target,
@@ -40,6 +42,7 @@ fn a_damaged_digit_of_a_machine_at_rest_is_never_its_position() {
     ] {
         let mut line = Line::connected(build(firmware, &[mask]));
         line.ask(Command::SetWorkOffset(axis_driver::driver::OffsetRequest {
+            further: FurtherAxes::NONE,
             system: 1,
             axes: AxisSet::ALL,
             position: [1.0, 2.0, 3.0],
@@ -157,6 +160,7 @@ fn grblhal_with_the_least_reports_is_as_well_known_as_any() {
         assert!((line.state().machine_position.unwrap()[0] + 295.0).abs() < 0.01, "{mask}");
         // An offset that changes is seen too.
         let offset = axis_driver::driver::OffsetRequest {
+            further: FurtherAxes::NONE,
             system: 92,
             axes: X,
             position: [7.0, 0.0, 0.0],

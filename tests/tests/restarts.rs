@@ -3,6 +3,7 @@
 use axis_driver::codes::error_code;
 use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, OffsetRequest, RunOutcome};
 use cnc_msgs::contour::{Action, Source};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathEvent};
@@ -26,8 +27,14 @@ fn homed(firmware: Firmware) -> Line {
     line.ask(Command::Home).unwrap();
     let position = [-500.0, -300.0, -40.0];
     let (axes, is_origin) = (AxisSet::ALL, true);
-    line.ask(Command::SetWorkOffset(OffsetRequest { system: 1, axes, position, is_origin }))
-        .unwrap();
+    line.ask(Command::SetWorkOffset(OffsetRequest {
+        further: FurtherAxes::NONE,
+        system: 1,
+        axes,
+        position,
+        is_origin,
+    }))
+    .unwrap();
     line.ask(jog(JogFrame::Machine, -500.0)).unwrap();
     line.move_result();
     assert!(line.state().is_homed);
@@ -44,7 +51,13 @@ fn without_homing(lines: &[&str]) -> Line {
 }
 
 fn jog(frame: JogFrame, x: f64) -> Command {
-    Command::Jog(JogRequest { frame, axes: X, target: [x, 0.0, 0.0], feed_mm_per_min: 3_000.0 })
+    Command::Jog(JogRequest {
+        further: FurtherAxes::NONE,
+        frame,
+        axes: X,
+        target: [x, 0.0, 0.0],
+        feed_mm_per_min: 3_000.0,
+    })
 }
 
 /// The supply fails for a moment, and the start message is lost or damaged, with all that
@@ -275,7 +288,14 @@ fn what_still_moves_when_a_restart_has_been_looked_into_is_held() {
     let mut line = without_homing(&[]);
     let target = [-200.0, 0.0, 0.0];
     let frame = JogFrame::Relative;
-    line.ask(Command::Jog(JogRequest { frame, axes: X, target, feed_mm_per_min: 600.0 })).unwrap();
+    line.ask(Command::Jog(JogRequest {
+        further: FurtherAxes::NONE,
+        frame,
+        axes: X,
+        target,
+        feed_mm_per_min: 600.0,
+    }))
+    .unwrap();
     line.wait(1.0);
     let then = line.now;
     line.inject("push:Grbl 1.1h ['$' for help]");

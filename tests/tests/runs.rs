@@ -7,6 +7,7 @@ use axis_driver::driver::{
 };
 use axis_driver::encoder::EncoderConfig;
 use cnc_msgs::contour::{Action, Source, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Shape};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
@@ -55,6 +56,7 @@ fn homed(config: DriverConfig) -> Line {
     line.until("locked", |line| line.mode() == Mode::Alarm);
     line.ask(Command::Home).unwrap();
     line.ask(Command::SetWorkOffset(axis_driver::driver::OffsetRequest {
+        further: FurtherAxes::NONE,
         system: 1,
         axes: AxisSet::ALL,
         position: [-500.0, -300.0, -40.0],

@@ -7,6 +7,7 @@ use axis_driver::driver::{
 };
 use axis_driver::encoder::EncoderConfig;
 use cnc_msgs::contour::SpindleMode;
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, StartInSpan};
@@ -89,7 +90,8 @@ fn homed() -> Line {
     line.until("locked", |line| line.mode() == Mode::Alarm);
     line.ask(Command::Home).expect("it homes");
     let (axes, is_origin) = (AxisSet::ALL, true);
-    let offset = OffsetRequest { system: 1, axes, position: ORIGIN, is_origin };
+    let offset =
+        OffsetRequest { further: FurtherAxes::NONE, system: 1, axes, position: ORIGIN, is_origin };
     line.ask(Command::SetWorkOffset(offset)).expect("an offset");
     line
 }
@@ -210,7 +212,14 @@ fn in_a_plane_that_holds_z_nothing_comes_down_and_a_tool_already_there_begins() 
     let refusal = line.ask(part.request(6, start.in_span)).unwrap_err();
     assert!(is_elsewhere(&refusal), "{refusal}");
     let (frame, axes, target) = (JogFrame::Work, AxisSet::from_bits(0b101), start.at);
-    line.ask(Command::Jog(JogRequest { frame, axes, target, feed_mm_per_min: 2_000.0 })).unwrap();
+    line.ask(Command::Jog(JogRequest {
+        further: FurtherAxes::NONE,
+        frame,
+        axes,
+        target,
+        feed_mm_per_min: 2_000.0,
+    }))
+    .unwrap();
     assert_eq!(line.move_result().outcome, RunOutcome::Succeeded);
     let places = run_from(&mut line, &part, 6, start.in_span);
     let rest = part.rest(start.entry.element);

@@ -7,6 +7,7 @@ use axis_driver::driver::{
 };
 use axis_driver::encoder::EncoderConfig;
 use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathEvent};
@@ -42,11 +43,23 @@ fn with_change() -> CompensatedPath {
 }
 
 fn zero(axes: AxisSet, position: [f64; 3]) -> Command {
-    Command::SetWorkOffset(OffsetRequest { system: 1, axes, position, is_origin: false })
+    Command::SetWorkOffset(OffsetRequest {
+        further: FurtherAxes::NONE,
+        system: 1,
+        axes,
+        position,
+        is_origin: false,
+    })
 }
 
 fn jog(frame: JogFrame, axes: AxisSet, target: [f64; 3]) -> Command {
-    Command::Jog(JogRequest { frame, axes, target, feed_mm_per_min: 2_000.0 })
+    Command::Jog(JogRequest {
+        further: FurtherAxes::NONE,
+        frame,
+        axes,
+        target,
+        feed_mm_per_min: 2_000.0,
+    })
 }
 
 fn probe(distance_mm: f64, may_miss: bool) -> Command {

@@ -5,6 +5,7 @@ use axis_driver::driver::{
     CheckTravel, Command, DriverConfig, OffsetRequest, Refusal, RunOutcome, RunRequest,
 };
 use cnc_msgs::contour::{Action, Source};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Shape};
 use cnc_msgs::keep_out::{Frame, KeepOut, KeepOutBox};
 use cnc_msgs::machine::Mode;
@@ -31,7 +32,13 @@ fn refusing() -> DriverConfig {
 }
 
 fn set_zero(line: &mut Line, position: [f64; 3]) {
-    let request = OffsetRequest { system: 1, axes: AxisSet::ALL, position, is_origin: true };
+    let request = OffsetRequest {
+        further: FurtherAxes::NONE,
+        system: 1,
+        axes: AxisSet::ALL,
+        position,
+        is_origin: true,
+    };
     line.ask(Command::SetWorkOffset(request)).unwrap();
 }
 

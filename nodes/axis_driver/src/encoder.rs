@@ -25,6 +25,7 @@ use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use firmware_arc::{DrawingFrame, last_place};
+pub(crate) use further::DEGREES_MAX;
 use further::HeldFurther;
 use std::collections::VecDeque;
 use std::sync;

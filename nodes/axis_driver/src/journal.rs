@@ -232,6 +232,7 @@ mod tests {
             Command::ConfirmToolChange { objection: None },
             Command::ConfirmToolChange { objection: Some("T2 is not in the tool table".into()) },
             Command::Jog(JogRequest {
+                further: FurtherAxes::NONE,
                 frame: crate::driver::JogFrame::Work,
                 axes: AxisSet::NONE.with(1),
                 target: [0.0, -0.1, 0.0],

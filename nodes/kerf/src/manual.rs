@@ -6,10 +6,15 @@ use crate::exit::{CommandResult, Failure, Status};
 use crate::operate::{
     begin, canceled, reconnect, said, unless_dds_fails, with_lasting_node, with_node,
 };
+use crate::status::further_text;
 use clap::{Args, ValueEnum};
+use cnc_msgs::convert::further_to_wire;
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::interface::Action;
-use cnc_msgs::units::{m_per_s_from_mm_per_min, point_from_position, position_from_point};
+use cnc_msgs::units::{
+    m_per_s_from_mm_per_min, point_from_position, position_from_point, rad_from_degrees,
+};
 use cnc_msgs::wire::cnc_msgs::action::{Home, HomeGoal, Jog, JogGoal, JogResult, Probe, ProbeGoal};
 use cnc_msgs::wire::cnc_msgs::srv::{
     SetOverrides, SetOverridesRequest, SetWorkOffset, SetWorkOffsetRequest,
@@ -24,11 +29,11 @@ const MOVE_WITHIN: Duration = Duration::from_secs(24 * 3_600);
 /// What `kerf jog` takes.
 #[derive(Debug, Args)]
 pub(crate) struct JogArgs {
-    /// Target, in millimetres: X10 Y-2.5
-    #[arg(required = true, value_parser = word)]
-    axes: Vec<(usize, f64)>,
-    /// Feed along the path
-    #[arg(long, value_name = "MM/MIN", default_value_t = 1_000.0)]
+    /// Target: X10 Y-2.5 in millimetres, or A90 in degrees
+    #[arg(required = true, value_parser = any_word)]
+    axes: Vec<Word>,
+    /// Feed along the path, in millimetres per minute; of A, B and C in degrees per minute
+    #[arg(long, value_name = "FEED", default_value_t = 1_000.0)]
     feed: f64,
     /// What the numbers are relative to
     #[arg(long, value_enum, default_value_t = Frame::Relative)]
@@ -65,9 +70,9 @@ pub(crate) struct ProbeArgs {
 /// What `kerf zero` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ZeroArgs {
-    /// Coordinates of the current tool position, in millimetres: X0 Y0
-    #[arg(required = true, value_parser = word)]
-    axes: Vec<(usize, f64)>,
+    /// Coordinates of the current tool position, in millimetres and degrees: X0 Y0 A0
+    #[arg(required = true, value_parser = any_word)]
+    axes: Vec<Word>,
     /// G54 to G59, or G92 for the shift on top of them
     #[arg(long, value_name = "SYSTEM", default_value = "G54", value_parser = system)]
     system: u8,
@@ -96,14 +101,36 @@ fn rapid(text: &str) -> Result<u8, String> {
     percent.ok_or_else(|| "write 25, 50 or 100".into())
 }
 
+/// An axis with its number.
+#[derive(Debug, Clone, Copy)]
+enum Word {
+    /// X, Y or Z by its index, mm.
+    Linear(usize, f64),
+    /// A to W by its index in [`FurtherAxes`].
+    Further(usize, f64),
+}
+
+/// A word of X, Y or Z.
 fn word(text: &str) -> Result<(usize, f64), String> {
+    match any_word(text)? {
+        Word::Linear(axis, value) => Ok((axis, value)),
+        Word::Further(axis, _) => {
+            Err(format!("only X, Y and Z are probed, not {}", FURTHER_LETTERS[axis]))
+        }
+    }
+}
+
+fn any_word(text: &str) -> Result<Word, String> {
     let mut letters = text.chars();
     let letter = letters.next().map(|letter| letter.to_ascii_uppercase());
-    let axis = AXIS_LETTERS.iter().position(|known| Some(*known) == letter);
-    match (axis, letters.as_str().parse::<f64>()) {
-        (Some(axis), Ok(value)) if value.is_finite() => Ok((axis, value)),
-        _ => Err("write an axis and a number, such as X10 or Y-2.5".into()),
-    }
+    let value = letters.as_str().parse::<f64>().ok().filter(|value| value.is_finite());
+    let linear = AXIS_LETTERS.iter().position(|known| Some(*known) == letter);
+    let word = match (linear, letter.and_then(FurtherAxes::index_of)) {
+        (Some(axis), _) => value.map(|value| Word::Linear(axis, value)),
+        (_, Some(axis)) => value.map(|value| Word::Further(axis, value)),
+        _ => None,
+    };
+    word.ok_or_else(|| "write an axis and a number, such as X10, Y-2.5 or A90".into())
 }
 
 fn system(text: &str) -> Result<u8, String> {
@@ -120,11 +147,31 @@ fn axes_and_point(words: &[(usize, f64)]) -> Result<(u8, Point), Failure> {
     let (mut axes, mut position) = (AxisSet::NONE, Position::default());
     for &(axis, value) in words {
         if axes.contains(axis) {
-            return Err(Failure::usage(format_args!("{} occurs twice", AXIS_LETTERS[axis])));
+            return Err(twice(AXIS_LETTERS[axis]));
         }
         (axes, position[axis]) = (axes.with(axis), value);
     }
     Ok((axes.bits(), point_from_position(position)))
+}
+
+/// The same of further axes too: X, Y and Z as bits with their numbers, and the others.
+fn all_axes(words: &[Word]) -> Result<(u8, Point, FurtherAxes), Failure> {
+    let (mut linear, mut further) = (Vec::new(), FurtherAxes::NONE);
+    for word in words {
+        match *word {
+            Word::Linear(axis, value) => linear.push((axis, value)),
+            Word::Further(axis, _) if further.get(axis).is_some() => {
+                return Err(twice(FURTHER_LETTERS[axis]));
+            }
+            Word::Further(axis, value) => further = further.with(axis, value),
+        }
+    }
+    let (axes, point) = axes_and_point(&linear)?;
+    Ok((axes, point, further))
+}
+
+fn twice(letter: char) -> Failure {
+    Failure::usage(format_args!("{letter} occurs twice"))
 }
 
 fn show(point: &Point) -> String {
@@ -186,19 +233,32 @@ pub(crate) fn home(ros_args: &[String]) -> CommandResult {
 
 /// `kerf jog`
 pub(crate) fn jog(args: &JogArgs, ros_args: &[String]) -> CommandResult {
-    let (axes, target) = axes_and_point(&args.axes)?;
+    let (axes, target, further) = all_axes(&args.axes)?;
     let frame = match args.from {
         Frame::Relative => JogGoal::FRAME_RELATIVE,
         Frame::Work => JogGoal::FRAME_WORK,
         Frame::Machine => JogGoal::FRAME_MACHINE,
     };
-    let goal = JogGoal { frame, axes, target, feed_rate: m_per_s_from_mm_per_min(args.feed) };
+    let feed_rate = match further.only_turns() {
+        true => rad_from_degrees(args.feed) / 60.0,
+        false => m_per_s_from_mm_per_min(args.feed),
+    };
+    let goal = JogGoal {
+        frame,
+        axes,
+        target,
+        feed_rate,
+        further_axes: further.bits(),
+        further_target: further_to_wire(further),
+    };
     with_lasting_node(ros_args, async |node| {
         let result: JogResult = follow::<Jog>(node, "jog", goal).await?;
         let place = match result.machine_position.x.is_nan() {
             true => String::new(),
             false => {
-                format!("; the tool is at {} in the machine frame", show(&result.machine_position))
+                let further = further_text(result.further_axes, &result.further_machine_position);
+                let place = show(&result.machine_position);
+                format!("; the tool is at {place}{further} in the machine frame")
             }
         };
         ended(result.success, result.error_code, result.message + &place)
@@ -231,9 +291,15 @@ pub(crate) fn probe(args: &ProbeArgs, ros_args: &[String]) -> CommandResult {
 
 /// `kerf zero`
 pub(crate) fn zero(args: &ZeroArgs, ros_args: &[String]) -> CommandResult {
-    let (axes, position) = axes_and_point(&args.axes)?;
-    let request =
-        SetWorkOffsetRequest { system: args.system, axes, position, is_origin: args.origin };
+    let (axes, position, further) = all_axes(&args.axes)?;
+    let request = SetWorkOffsetRequest {
+        system: args.system,
+        axes,
+        position,
+        is_origin: args.origin,
+        further_axes: further.bits(),
+        further_position: further_to_wire(further),
+    };
     with_node(ros_args, async |node| {
         let client = node.client::<SetWorkOffset>("set_work_offset")?;
         let answer = client.call_within(request, Duration::from_secs(15)).await?;

@@ -80,7 +80,7 @@ fn describe_progress(progress: &RunProgramFeedback) -> String {
 }
 
 /// `, A90.000 degrees`: axes besides X, Y and Z.
-fn further_text(named: u8, values: &[f64]) -> String {
+pub(crate) fn further_text(named: u8, values: &[f64]) -> String {
     let axes = further_from_wire("further_position", named, values).unwrap_or_default();
     let words = axes.iter().map(|(axis, at)| {
         let unit = if FurtherAxes::is_rotary(axis) { "degrees" } else { "mm" };

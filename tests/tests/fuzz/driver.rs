@@ -11,6 +11,7 @@ use axis_driver::driver::{
     Output, Overrides, ProbeRequest, ReplanRequest, RunOutcome, RunRequest,
 };
 use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathEvent, StartInSpan};
@@ -284,6 +285,7 @@ impl Bench {
             18 => Command::ExecuteMdi { path: self.paths[1].clone() },
             19 => Command::SetSingleBlock(random.once_in(3)),
             20 | 21 => Command::Jog(JogRequest {
+                further: FurtherAxes::NONE,
                 frame: *random.of(&[JogFrame::Relative, JogFrame::Work, JogFrame::Machine]),
                 axes: X,
                 target: [random.between(-320.0, 20.0), 0.0, f64::NAN],
@@ -297,6 +299,7 @@ impl Bench {
                 may_miss: random.once_in(2),
             }),
             23 => Command::SetWorkOffset(OffsetRequest {
+                further: FurtherAxes::NONE,
                 system: *random.of(&[1, 2, 6, 7, 92]),
                 axes: X,
                 position: [random.between(-5.0, 5.0), 0.0, 0.0],

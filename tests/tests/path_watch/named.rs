@@ -5,6 +5,7 @@ use crate::parts::{Part, START, holding, router};
 use axis_driver::codes::error_code;
 use axis_driver::driver::{Command, DriverConfig, OffsetRequest, OnPathDeviation, RunOutcome};
 use cnc_msgs::contour::{Action, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Plane};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
@@ -217,8 +218,13 @@ fn a_work_offset_that_nobody_asked_for_is_held_before_the_tool_moves_in_it() {
         // The words that every run begins with select another system.
         let mut line = router(firmware, &[], holding());
         let origin = [START[0] + 7.0, START[1], START[2]];
-        let other =
-            OffsetRequest { system: 2, axes: AxisSet::ALL, position: origin, is_origin: true };
+        let other = OffsetRequest {
+            further: FurtherAxes::NONE,
+            system: 2,
+            axes: AxisSet::ALL,
+            position: origin,
+            is_origin: true,
+        };
         line.ask(Command::SetWorkOffset(other)).expect("G55 is set");
         let path = part(false);
         let certified = Certified::new(&path, START, START);

@@ -3,6 +3,7 @@
 use crate::parts::{Part, Random, START, holding, number, random_part, router};
 use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, Overrides, RunOutcome};
 use cnc_msgs::contour::{Action, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
 use cnc_msgs::machine::Mode;
 use kerf_tests::line::Line;
@@ -94,7 +95,13 @@ fn change_by_hand(line: &mut Line, random: &mut Random) {
     let jogs: [(JogFrame, Position); 2] =
         [(JogFrame::Relative, [lift, -lift, lift]), (JogFrame::Machine, stood)];
     for (frame, target) in jogs {
-        let request = JogRequest { frame, axes: AxisSet::ALL, target, feed_mm_per_min: 1_500.0 };
+        let request = JogRequest {
+            further: FurtherAxes::NONE,
+            frame,
+            axes: AxisSet::ALL,
+            target,
+            feed_mm_per_min: 1_500.0,
+        };
         line.moved = None;
         if line.ask(Command::Jog(request)).is_err() {
             // A hold that was asked for just before has to end first.

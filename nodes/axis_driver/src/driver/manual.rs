@@ -18,6 +18,7 @@ use super::output::LogLevel;
 use crate::codes::{self, error_code};
 use crate::link::{LineKind, realtime};
 use crate::report::ControllerState;
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::Mode;
 use std::collections::VecDeque;
@@ -68,9 +69,10 @@ pub(super) enum Task {
         wanted: u32,
         done: String,
     },
-    /// To here, machine frame, mm.
+    /// To here, machine frame, mm; and the further axes that move.
     Jog {
         target: Position,
+        further: FurtherAxes,
     },
     /// Until something is found, here in the machine frame, mm.
     Probe {

@@ -2,6 +2,7 @@
 
 use super::answer::Refusal;
 use crate::firmware::Firmware;
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::MachineState;
 use serde::{Deserialize, Serialize};
@@ -61,6 +62,9 @@ pub struct MoveResult {
     pub machine_position: Option<Position>,
     /// The same in the work frame.
     pub work_position: Option<Position>,
+    /// Where the further axes stand after a jog; machine frame.
+    #[serde(default, skip_serializing_if = "FurtherAxes::is_empty")]
+    pub further: FurtherAxes,
     /// Whether the probe touched, or released.
     pub found: bool,
 }

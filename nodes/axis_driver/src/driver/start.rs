@@ -171,6 +171,11 @@ impl Driver {
         if let Some(refusal) = self.manual_obstacle() {
             return Some(Err(refusal));
         }
+        if !request.further.is_empty() && self.is_tool_awaited() {
+            let text = "only X, Y and Z are set during a tool change: the program goes on with \
+                        the other axes as it left them";
+            return refused(error_code::INVALID_REQUEST, text);
+        }
         match Order::set_work_offset(&self.context, request) {
             Ok(order) => self.begin_manual(id, order),
             Err(refusal) => return Some(Err(refusal)),

@@ -13,7 +13,7 @@ use cnc_msgs::path::CompensatedPath;
 
 /// The largest angle, degrees, either sign: beyond it the 32 bit numbers of the controllers are
 /// more than 0.005 degrees apart.
-const DEGREES_MAX: f64 = 65_536.0;
+pub(crate) const DEGREES_MAX: f64 = 65_536.0;
 /// The shortest time of a move that is sent, as moves of a minute.
 const PER_MINUTE_MAX: f64 = 1e6;
 

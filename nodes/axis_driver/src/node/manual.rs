@@ -10,10 +10,13 @@ use crate::driver::{
     Command, JogFrame, JogRequest, MoveResult, OffsetRequest, Overrides, ProbeRequest, Refusal,
     RunOutcome,
 };
-use cnc_msgs::convert::mode_to_wire;
+use cnc_msgs::convert::{further_from_wire, further_to_wire, mode_to_wire};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::interface::{Action, Service};
-use cnc_msgs::units::{mm_per_min_from_m_per_s, point_from_position, position_from_point};
+use cnc_msgs::units::{
+    degrees_from_rad, mm_per_min_from_m_per_s, point_from_position, position_from_point,
+};
 use cnc_msgs::wire::cnc_msgs::action::{
     Home, HomeFeedback, HomeResult, Jog, JogFeedback, JogGoal, JogResult, Probe, ProbeFeedback,
     ProbeGoal, ProbeResult,
@@ -125,9 +128,15 @@ impl Move for Jog {
             JogGoal::FRAME_MACHINE => JogFrame::Machine,
             frame => return invalid(format!("frame {frame} is not 1, 2 or 3")),
         };
-        let (axes, target) = axes_and_place(goal.axes, &goal.target)?;
-        let feed_mm_per_min = finite("feed_rate", mm_per_min_from_m_per_s(goal.feed_rate))?;
-        Ok(Command::Jog(JogRequest { frame, axes, target, feed_mm_per_min }))
+        let further = further_axes("further_target", goal.further_axes, &goal.further_target)?;
+        let (axes, target) = axes_and_place(goal.axes, &goal.target, further)?;
+        // Where axes turn it is in rad/s.
+        let feed_mm_per_min = match further.only_turns() {
+            true => degrees_from_rad(goal.feed_rate) * 60.0,
+            false => mm_per_min_from_m_per_s(goal.feed_rate),
+        };
+        let feed_mm_per_min = finite("feed_rate", feed_mm_per_min)?;
+        Ok(Command::Jog(JogRequest { frame, axes, target, feed_mm_per_min, further }))
     }
 
     fn feedback(state: u8, machine_position: Point) -> JogFeedback {
@@ -140,13 +149,15 @@ impl Move for Jog {
             error_code: result.error_code,
             message: result.message,
             machine_position: point(result.machine_position),
+            further_axes: result.further.bits(),
+            further_machine_position: further_to_wire(result.further),
         }
     }
 }
 
 impl Move for Probe {
     fn command(goal: &ProbeGoal) -> Result<Command, Refusal> {
-        let (axes, distance) = axes_and_place(goal.axes, &goal.distance)?;
+        let (axes, distance) = axes_and_place(goal.axes, &goal.distance, FurtherAxes::NONE)?;
         let feed_mm_per_min = finite("feed_rate", mm_per_min_from_m_per_s(goal.feed_rate))?;
         let (away, may_miss) = (goal.away, goal.may_miss);
         Ok(Command::Probe(ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss }))
@@ -266,6 +277,7 @@ async fn follow<M: Move>(
         message: "the driver stopped; motion may continue".into(),
         machine_position: None,
         work_position: None,
+        further: FurtherAxes::NONE,
         found: false,
     });
     let outcome = match result.outcome {
@@ -338,14 +350,31 @@ fn overrides(request: &SetOverridesRequest) -> Result<Overrides, Refusal> {
 }
 
 fn offset(request: &SetWorkOffsetRequest) -> Result<OffsetRequest, Refusal> {
-    let (axes, position) = axes_and_place(request.axes, &request.position)?;
+    let further =
+        further_axes("further_position", request.further_axes, &request.further_position)?;
+    let (axes, position) = axes_and_place(request.axes, &request.position, further)?;
     let (system, is_origin) = (request.system, request.is_origin);
-    Ok(OffsetRequest { system, axes, position, is_origin })
+    Ok(OffsetRequest { system, axes, position, is_origin, further })
+}
+
+fn further_axes(field: &'static str, named: u8, values: &[f64]) -> Result<FurtherAxes, Refusal> {
+    if usize::try_from(named.count_ones()) != Ok(values.len()) {
+        return invalid(format!(
+            "{field} has {} values, and further_axes {named} names {} axes",
+            values.len(),
+            named.count_ones()
+        ));
+    }
+    further_from_wire(field, named, values).or_else(|error| invalid(error.to_string()))
 }
 
 /// The axes that a request names, and its numbers for them; others are 0.
-fn axes_and_place(bits: u8, point: &Point) -> Result<(AxisSet, Position), Refusal> {
-    if bits == 0 || bits > 0b111 {
+fn axes_and_place(
+    bits: u8,
+    point: &Point,
+    further: FurtherAxes,
+) -> Result<(AxisSet, Position), Refusal> {
+    if bits == 0 && further.is_empty() || bits > 0b111 {
         return invalid(format!("axes is {bits}; bit 0 is X, bit 1 is Y, bit 2 is Z"));
     }
     let axes = AxisSet::from_bits(bits);

@@ -86,6 +86,15 @@ impl Machine {
         self.further.bits()
     }
 
+    /// How far a step of one moves it, mm or degrees (`$103` and up); where the controller does not
+    /// say so, more than that of most.
+    pub(in crate::driver) fn further_step(&self, axis: usize) -> f64 {
+        let index = self.further.axes().into_iter().position(|is| is == Some(axis));
+        let number = index.and_then(|index| u16::try_from(103 + index).ok());
+        let steps = number.and_then(|number| self.settings.get(&number)).copied();
+        steps.filter(|steps| *steps > 0.0).map_or(0.2, f64::recip)
+    }
+
     /// Where they are, as far as it is known; `None` where the board has none.
     pub(in crate::driver) fn further_places(&self) -> Option<Box<FurtherPlaces>> {
         let FurtherState { machine, work, .. } = self.further;

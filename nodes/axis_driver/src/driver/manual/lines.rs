@@ -4,8 +4,10 @@ use super::{OFFSETS, Task};
 use crate::codes::error_code;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
+use crate::encoder::DEGREES_MAX;
 use crate::encoder::words::{to_grid, write_word};
 use crate::link::LineKind;
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +18,11 @@ pub struct JogRequest {
     pub axes: AxisSet,
     /// mm; only of the axes that move.
     pub target: Position,
+    /// Degrees/min where axes turn.
     pub feed_mm_per_min: f64,
+    /// Further axes, which move without X, Y and Z.
+    #[serde(default, skip_serializing_if = "FurtherAxes::is_empty")]
+    pub further: FurtherAxes,
 }
 
 /// What the numbers of a jog count from.
@@ -51,6 +57,9 @@ pub struct OffsetRequest {
     /// mm: the coordinates for the tool position, or where the origin lies.
     pub position: Position,
     pub is_origin: bool,
+    /// The same for further axes.
+    #[serde(default, skip_serializing_if = "FurtherAxes::is_empty")]
+    pub further: FurtherAxes,
 }
 
 /// The number of the shift on top of all work systems.
@@ -103,7 +112,17 @@ impl Order {
         {
             return Err(refusal);
         }
-        let words = move_words(context, request.axes, request.target, request.feed_mm_per_min)?;
+        if !request.further.is_empty() {
+            refuse_mixed(&request)?;
+            if is_tool_awaited {
+                return invalid(
+                    "only X, Y and Z are jogged during a tool change: the way back would not \
+                     move the other axes",
+                );
+            }
+        }
+        let axes = (request.axes, request.target, request.further);
+        let words = move_words(context, axes, request.feed_mm_per_min)?;
         let place = context.machine.machine_position().zip(context.machine.work_position());
         let Some((machine, work)) = place else {
             return Err(Refusal::new(error_code::CONNECTING, context.machine.unknown_place()));
@@ -117,15 +136,29 @@ impl Order {
             };
             target[axis] = from + request.target[axis];
         }
+        let places = context.machine.further_places().unwrap_or_default();
+        let mut further = FurtherAxes::NONE;
+        for (axis, value) in request.further.iter() {
+            let Some((machine, work)) = places.machine.get(axis).zip(places.work.get(axis)) else {
+                return Err(Refusal::new(error_code::CONNECTING, context.machine.unknown_place()));
+            };
+            let from = match request.frame {
+                JogFrame::Relative => machine,
+                JogFrame::Work => machine - work,
+                JogFrame::Machine => 0.0,
+            };
+            further = further.with(axis, from + value);
+        }
         let line = format!("$J=G21{frame}{words}");
-        Ok(Self::new(Task::Jog { target }, LineKind::Motion, [line]))
+        Ok(Self::new(Task::Jog { target, further }, LineKind::Motion, [line]))
     }
 
     pub(in crate::driver) fn probe(
         context: &Context,
         request: ProbeRequest,
     ) -> Result<Self, Refusal> {
-        let words = move_words(context, request.axes, request.distance, request.feed_mm_per_min)?;
+        let axes = (request.axes, request.distance, FurtherAxes::NONE);
+        let words = move_words(context, axes, request.feed_mm_per_min)?;
         let word = match (request.away, request.may_miss) {
             (false, false) => "G38.2",
             (false, true) => "G38.3",
@@ -140,8 +173,8 @@ impl Order {
         context: &Context,
         request: OffsetRequest,
     ) -> Result<Self, Refusal> {
-        let OffsetRequest { system, axes, position, is_origin } = request;
-        let words = axis_words(context, axes, position)?;
+        let OffsetRequest { system, axes, position, is_origin, further } = request;
+        let words = axis_words(context, axes, position, further)?;
         let (line, name) = match (system, is_origin) {
             (1..=6, true) => (format!("G21G10L2P{system}{words}"), format!("G{}", 53 + system)),
             (1..=6, false) => (format!("G21G10L20P{system}{words}"), format!("G{}", 53 + system)),
@@ -166,14 +199,26 @@ impl Order {
     }
 }
 
+/// Refuses axes whose common feed rate boards count in different ways.
+fn refuse_mixed(request: &JogRequest) -> Result<(), Refusal> {
+    let turning = request.further.iter().filter(|(axis, _)| FurtherAxes::is_rotary(*axis)).count();
+    let is_mixed = turning > 0 && !request.further.only_turns();
+    if request.axes.is_empty() && !is_mixed {
+        return Ok(());
+    }
+    invalid(
+        "boards differ in how fast they move X, Y and Z together with other axes, and degrees \
+         together with mm: jog X, Y and Z in one move, A, B and C in another, U, V and W in a third",
+    )
+}
+
 /// The words of a move, with its feed rate.
 fn move_words(
     context: &Context,
-    axes: AxisSet,
-    position: Position,
+    (axes, position, further): (AxisSet, Position, FurtherAxes),
     feed_mm_per_min: f64,
 ) -> Result<String, Refusal> {
-    let mut words = axis_words(context, axes, position)?;
+    let mut words = axis_words(context, axes, position, further)?;
     let max = context.config.encoder.feed_mm_per_min_max;
     if !(feed_mm_per_min <= max && to_grid(feed_mm_per_min) > 0) {
         let text = format!(
@@ -186,18 +231,43 @@ fn move_words(
 }
 
 /// `X10Y-.5`
-fn axis_words(context: &Context, axes: AxisSet, position: Position) -> Result<String, Refusal> {
-    let max = context.config.encoder.position_mm_max;
+fn axis_words(
+    context: &Context,
+    axes: AxisSet,
+    position: Position,
+    further: FurtherAxes,
+) -> Result<String, Refusal> {
+    let max_mm = context.config.encoder.position_mm_max;
+    let named = (0..3).filter(|axis| axes.contains(*axis));
+    let named = named.map(|axis| (AXIS_LETTERS[axis], position[axis], max_mm, "mm"));
+    let board = context.machine.board();
     let mut words = String::new();
-    for axis in (0..3).filter(|axis| axes.contains(*axis)) {
-        let (letter, value) = (AXIS_LETTERS[axis], position[axis]);
+    let further = further.iter().map(|(axis, value)| {
+        let (max, unit) = match FurtherAxes::is_rotary(axis) {
+            true => (DEGREES_MAX, "degrees"),
+            false => (max_mm, "mm"),
+        };
+        let letter = FURTHER_LETTERS[axis];
+        match board.has_further(axis) {
+            true => Ok((letter, value, max, unit)),
+            false => invalid(format!(
+                "the controller has no axis {letter}: it has {}",
+                board.axis_letters()
+            )),
+        }
+    });
+    for word in named.map(Ok).chain(further) {
+        let (letter, value, max, unit) = word?;
         if value.is_nan() || value.abs() > max {
-            return invalid(format!("{letter}{value} is not between -{max} and {max} mm"));
+            return invalid(format!("{letter}{value} is not between -{max} and {max} {unit}"));
         }
         write_word(&mut words, letter, to_grid(value));
     }
     if words.is_empty() {
-        return invalid("no axis is named: axes has bit 0 for X, bit 1 for Y, bit 2 for Z");
+        return invalid(
+            "no axis is named: axes has bit 0 for X, bit 1 for Y, bit 2 for Z; further_axes has \
+             bit 0 for A, and so on to W",
+        );
     }
     Ok(words)
 }

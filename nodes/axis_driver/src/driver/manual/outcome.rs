@@ -7,9 +7,10 @@ use crate::driver::context::Context;
 use crate::driver::context::machine::Machine;
 use crate::driver::context::place::show;
 use crate::driver::output::{MoveResult, Output, RunOutcome};
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::machine::Mode;
 
-/// How far from its target a jog may end, mm: steps, and three decimals.
+/// How far from its target a jog may end, mm or degrees: steps, and three decimals.
 const JOG_TOLERANCE_MM: f64 = 0.02;
 
 impl ManualOperation {
@@ -37,16 +38,27 @@ impl ManualOperation {
                 context.publish_settings();
                 configure::judge_mask(&context.machine, *wanted, done)
             }
-            Task::Jog { target } => {
-                let at = context.machine.machine_position().unwrap_or(*target);
-                if (0..3).all(|axis| (at[axis] - target[axis]).abs() <= JOG_TOLERANCE_MM) {
+            Task::Jog { target, further } => {
+                let machine = &context.machine;
+                let at = machine.machine_position().unwrap_or(*target);
+                let places = machine.further_places().unwrap_or_default().machine;
+                let further_at = further.map(|axis, to| places.get(axis).unwrap_or(to));
+                let is_there = further.iter().all(|(axis, to)| {
+                    let is = further_at.get(axis).unwrap_or(to);
+                    (is - to).abs() <= JOG_TOLERANCE_MM + machine.further_step(axis)
+                });
+                if is_there
+                    && (0..3).all(|axis| (at[axis] - target[axis]).abs() <= JOG_TOLERANCE_MM)
+                {
                     return Ok("done".into());
                 }
+                let (is, to) = match further.is_empty() {
+                    true => (show(at), show(*target)),
+                    false => (show_further(further_at), show_further(*further)),
+                };
                 let text = format!(
-                    "the jog ended at {} and not at {} in the machine frame: it was held, or cut \
-                     short by the controller at the end of its travel",
-                    show(at),
-                    show(*target)
+                    "the jog ended at {is} and not at {to} in the machine frame: it was held, or \
+                     cut short by the controller at the end of its travel"
                 );
                 Err(Refusal::new(error_code::STOPPED_SHORT, text))
             }
@@ -100,7 +112,17 @@ impl ManualOperation {
             message,
             machine_position,
             work_position,
+            further: match is_place {
+                true => machine.further_places().unwrap_or_default().machine,
+                false => FurtherAxes::NONE,
+            },
             found,
         })
     }
+}
+
+/// `A90.000 B-5.000`
+fn show_further(axes: FurtherAxes) -> String {
+    let words = axes.iter().map(|(axis, value)| format!("{}{value:.3}", FURTHER_LETTERS[axis]));
+    words.collect::<Vec<_>>().join(" ")
 }

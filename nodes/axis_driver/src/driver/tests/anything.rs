@@ -77,6 +77,7 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         9 => Command::ExecuteMdi { path: Arc::new(straight(1)) },
         10 | 11 => Command::SetSingleBlock(index == 10),
         12 => Command::Jog(JogRequest {
+            further: FurtherAxes::NONE,
             frame: JogFrame::Relative,
             axes: AxisSet::NONE.with(0),
             target: [5.0, 0.0, 0.0],
@@ -90,6 +91,7 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
             may_miss: false,
         }),
         14 => Command::SetWorkOffset(OffsetRequest {
+            further: FurtherAxes::NONE,
             system: 1,
             axes: AxisSet::ALL,
             position: [0.0; 3],

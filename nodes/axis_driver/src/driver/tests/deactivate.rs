@@ -38,6 +38,7 @@ fn an_inactive_driver_moves_nothing_and_still_holds_and_resets() {
     bench.ask(Command::Deactivate).unwrap();
     let before = bench.sent.len();
     let jog = JogRequest {
+        further: FurtherAxes::NONE,
         frame: JogFrame::Relative,
         axes: AxisSet::NONE.with(0),
         target: [5.0, 0.0, 0.0],
