@@ -288,6 +288,11 @@ fn a_start_in_the_middle_after_an_axis_has_turned_is_refused_with_the_line() {
     };
     let refused = line.ask(request(FOUR_AXES, 5)).expect_err("a refusal").message;
     assert!(refused.contains("line 5 comes after A moves in line 2"), "{refused}");
+    assert!(refused.contains("put A where the program begins"), "{refused}");
+    // Before the axis has turned it is where it stands.
+    let late = "G21 G90\nG0 X1\nG1 X2 F100\nX3\nX4 A90\nM2\n";
+    let said = line.ask(request(late, 4)).expect("it may begin there");
+    assert!(said.contains("; A is moved from line 5 on only: put it where"), "{said}");
     // Of an axis that stays at 0, and that the board does not have, nothing is to be restored.
     let mut line = board(Firmware::GrblHal, "XYZ");
     let idle = "G21 G90\nG0 X1 A0\nG1 X2 F100\nX3\nM2\n";

@@ -204,6 +204,7 @@ impl Replay {
 mod tests {
     use super::*;
     use crate::driver::{Command, DriverConfig, JogRequest, Overrides, ReplanRequest, RunRequest};
+    use cnc_msgs::further::FurtherAxes;
     use cnc_msgs::geometry::AxisSet;
     use cnc_msgs::path::StartInSpan;
 

@@ -59,6 +59,8 @@ struct Sent<T> {
     kind: LineKind,
     /// `None`: a check.
     tag: Option<T>,
+    /// The controller has echoed it.
+    is_read: bool,
 }
 
 impl<T> Sent<T> {
@@ -232,7 +234,7 @@ impl<T> Link<T> {
         assert!(is_plain, "not a line for a controller: {text:?}");
         self.lines.extend_from_slice(text.as_bytes());
         self.lines.push(b'\n');
-        let sent = Sent { text: text.into(), kind, tag };
+        let sent = Sent { text: text.into(), kind, tag, is_read: false };
         self.in_flight_bytes += sent.bytes();
         self.in_flight.push_back(sent);
         self.health.on_line_sent();
@@ -413,7 +415,11 @@ impl<T> Link<T> {
 
     /// The controller has read a line, and executes it next: of ours, the oldest without an answer.
     fn on_echo(&mut self, read: &str) {
-        let Some(sent) = self.in_flight.front().filter(|_| !self.is_forgiving) else { return };
+        let Some(sent) = self.in_flight.front_mut().filter(|_| !self.is_forgiving) else { return };
+        // The macro of a tool change has lines of its own.
+        if std::mem::replace(&mut sent.is_read, true) && changes_tool(&sent.text) {
+            return;
+        }
         if !is_same_line(&sent.text, read) {
             let fault = LinkFault::ReadOtherwise { sent: sent.text.to_string(), read: read.into() };
             self.events.push_back(LinkEvent::Fault(fault));
@@ -454,6 +460,12 @@ impl<T> Link<T> {
     pub fn trust(&mut self) {
         self.is_forgiving = false;
     }
+}
+
+/// Whether a line has the controller change the tool: `N5M6T2`.
+fn changes_tool(line: &str) -> bool {
+    let words = line.trim_start_matches('N').trim_start_matches(|c: char| c.is_ascii_digit());
+    words.starts_with("M6T")
 }
 
 /// Whether a controller that drops blanks and writes capitals would read one as the other.

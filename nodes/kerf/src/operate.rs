@@ -195,6 +195,7 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> CommandResult {
                 start_line: args.start_line,
                 check_only: args.check_only,
                 occurrence: args.occurrence,
+                ..RunProgramGoal::default()
             },
         };
         let result = run_goal(node, goal, &progress_bar()).await?;

@@ -1,6 +1,6 @@
 //! `kerf run --resume`: how a run that was broken off goes on.
 //!
-//! [`line_of`] decides the line. The planner says what its control makes of a start there, and the driver
+//! [`start_of`] decides the line. The planner says what its control makes of a start there, and the driver
 //! which lines come first and whether the rest fits the machine. Nothing moves before the answer is yes.
 
 use crate::exit::{Failure, Status};
@@ -32,13 +32,18 @@ use std::time::Duration;
 /// How long the driver may take to encode the rest of a program.
 const CHECKED_WITHIN: Duration = Duration::from_secs(300);
 
-/// The line to go on with, or why there is none. `asked` is the line that was asked for, or 0.
-fn line_of(last: Option<&RunResult>, loaded: Option<&Program>, asked: u32) -> Result<u32, String> {
+/// The line and occurrence to go on with, or why there is none. `asked` is the line that was asked
+/// for, or 0, with its occurrence.
+fn start_of(
+    last: Option<&RunResult>,
+    loaded: Option<&Program>,
+    asked: (u32, u32),
+) -> Result<(u32, u32), String> {
     let by_hand = "or say where to begin: kerf run --resume --start-line LINE";
     let Some(loaded) = loaded else {
         return Err("no program is loaded: load the one of the run, with kerf load FILE".into());
     };
-    if asked > 0 {
+    if asked.0 > 0 {
         return Ok(asked);
     }
     let Some(last) = last else {
@@ -56,11 +61,14 @@ fn line_of(last: Option<&RunResult>, loaded: Option<&Program>, asked: u32) -> Re
     if last.outcome == RunResult::OUTCOME_SUCCEEDED {
         return Err("the last run was cut to its end: kerf run begins at the start".into());
     }
-    match last.last_line {
-        0 => Err(format!(
+    let occurrence_or = |of_last| if asked.1 > 0 { asked.1 } else { of_last };
+    match (last.last_line, last.start_line) {
+        (0, 0) => Err(format!(
             "the last run ended before it cut: kerf run begins at the start, {by_hand}"
         )),
-        line => Ok(line),
+        // It went on with one before it, and never came to it.
+        (0, line) => Ok((line, occurrence_or(last.start_occurrence))),
+        (line, _) => Ok((line, occurrence_or(last.last_occurrence))),
     }
 }
 
@@ -114,7 +122,8 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
         let seconds = LATCHED_WITHIN.as_secs();
         Failure::new(Status::NoAnswer, format!("no driver answered within {seconds} s"))
     })?;
-    let asked = line_of(last.as_ref(), loaded.as_ref(), args.start_line).map_err(refused)?;
+    let asked = (args.start_line, args.occurrence);
+    let start = start_of(last.as_ref(), loaded.as_ref(), asked).map_err(refused)?;
     let program = loaded.unwrap_or_default();
     let Program { program_id, name, .. } = program.clone();
     let report = report.filter(|it| it.program_id == program_id && it.accepted);
@@ -125,17 +134,13 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
     if let Some(last) = last.as_ref().filter(|it| it.program_id == program_id) {
         println!("{}: the last run: {}", one_line(&name), run_result::of_message(last));
     }
-    let occurrence = match (args.start_line, args.occurrence) {
-        (0, 0) => last.as_ref().map_or(0, |last| last.last_occurrence),
-        (_, asked) => asked,
-    };
-    let start = (asked, occurrence);
     let ((line, occurrence), planned) = planned_start(node, &program_id, revision, start).await?;
     if (line, occurrence) != start {
         println!("it cannot begin with {}, so it begins before", place(start));
     }
     println!("  {planned}");
-    let goal = RunProgramGoal { program_id, start_line: line, check_only: false, occurrence };
+    let goal =
+        RunProgramGoal { program_id, start_line: line, check_only: false, occurrence, revision };
     println!("  {}", checked(node, goal.clone()).await?);
     if let Some(page) = page {
         let path = newest_there(&mut paths, |it| it.revision).await;
@@ -160,13 +165,8 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
     if !args.yes && !is_confirmed((line, occurrence))? {
         return Err(refused("nothing was run".into()));
     }
-    // It may have been planned anew while the question stood there.
-    match newest_there(&mut reports, |it| it.revision).await {
-        Some(now) if now.program_id != goal.program_id || now.revision != revision => Err(refused(
-            "the program was planned anew meanwhile, and nothing was run: look again".into(),
-        )),
-        _ => Ok(goal),
-    }
+    // The driver refuses it if the program was planned anew while the question stood there.
+    Ok(goal)
 }
 
 /// Where the control begins for this line, and what is in force there.
@@ -317,16 +317,24 @@ mod tests {
             last_line,
             ..RunResult::default()
         };
+        let again = |line| RunResult {
+            start_line: 7,
+            start_occurrence: 2,
+            ..result(RunResult::OUTCOME_ABORTED, "a", line)
+        };
         let part =
             Program { program_id: "a".into(), name: "part.ngc".into(), ..Program::default() };
         let (done, aborted) = (RunResult::OUTCOME_SUCCEEDED, RunResult::OUTCOME_ABORTED);
         let canceled = RunResult::OUTCOME_CANCELED;
         for (last, loaded, asked, expected) in [
-            (Some(result(aborted, "a", 7)), Some(&part), 0, Ok(7)),
-            (Some(result(canceled, "a", 7)), Some(&part), 0, Ok(7)),
-            (Some(result(aborted, "a", 7)), Some(&part), 5, Ok(5)),
-            (None, Some(&part), 5, Ok(5)),
-            (Some(result(done, "a", 7)), Some(&part), 5, Ok(5)),
+            (Some(result(aborted, "a", 7)), Some(&part), 0, Ok((7, 0))),
+            (Some(again(9)), Some(&part), 0, Ok((9, 0))),
+            // It failed before its first move: the place is not lost.
+            (Some(again(0)), Some(&part), 0, Ok((7, 2))),
+            (Some(result(canceled, "a", 7)), Some(&part), 0, Ok((7, 0))),
+            (Some(result(aborted, "a", 7)), Some(&part), 5, Ok((5, 0))),
+            (None, Some(&part), 5, Ok((5, 0))),
+            (Some(result(done, "a", 7)), Some(&part), 5, Ok((5, 0))),
             (Some(result(done, "a", 7)), Some(&part), 0, Err("cut to its end")),
             (
                 Some(result(aborted, "b", 7)),
@@ -339,7 +347,7 @@ mod tests {
             (Some(result(aborted, "a", 7)), None, 0, Err("no program is loaded")),
             (Some(result(aborted, "a", 7)), None, 5, Err("no program is loaded")),
         ] {
-            match (line_of(last.as_ref(), loaded, asked), expected) {
+            match (start_of(last.as_ref(), loaded, (asked, 0)), expected) {
                 (Ok(line), Ok(expected)) => assert_eq!(line, expected),
                 (Err(why), Err(expected)) => assert!(why.contains(expected), "{why}"),
                 (line, expected) => panic!("{line:?} and not {expected:?}"),

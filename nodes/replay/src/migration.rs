@@ -127,7 +127,7 @@ const MIGRATIONS: &[Migration] = &[
     Migration {
         type_name: "cnc_msgs/msg/RunResult",
         from: "RIHS01_d397c422512a1dc2455bf1b9236b8d111aa1902d97b745e1a42328072d2f5daa",
-        added: &["last_occurrence"],
+        added: &["last_occurrence", "start_line", "start_occurrence"],
     },
     Migration {
         type_name: "cnc_msgs/msg/MachineState",

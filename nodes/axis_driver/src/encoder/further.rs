@@ -82,6 +82,21 @@ impl Encoder {
         !self.config.board.has_further(axis) && self.idle_axes >> axis & 1 == 1
     }
 
+    /// The letters of the axes that events from here on move, and the line that does so first: until then
+    /// they stay where they are.
+    pub(crate) fn awaited_further(&self) -> Option<(String, u32)> {
+        let mut moved = FurtherAxes::NONE;
+        let mut first = None;
+        for event in &self.path.events[self.next_event..] {
+            let Action::Further(FurtherMove { axes, .. }) = event.action else { continue };
+            for (axis, value) in axes.iter().filter(|(axis, _)| !self.leaves_out(*axis)) {
+                moved = moved.with(axis, value);
+                first.get_or_insert(event.source.line);
+            }
+        }
+        first.map(|line| (moved.letters(), line))
+    }
+
     /// The axes that are sent; refuses those that the controller does not have.
     fn checked_further(&self, named: FurtherAxes) -> Result<FurtherAxes, EncodeProblem> {
         let board = &self.config.board;

@@ -50,7 +50,8 @@ pub enum StartProblem {
     StoredPosition { line: u32, word: String },
     #[error(
         "line {line} comes after {letters} moves in line {moved}, and a start in the middle does \
-         not move {letters} there: begin at line {moved} or before it"
+         not move {letters} there: put {letters} where the program begins (kerf jog), then begin at line {moved} or \
+         before it"
     )]
     FurtherAxes { line: u32, letters: String, moved: u32 },
     #[error(transparent)]

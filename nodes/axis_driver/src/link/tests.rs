@@ -76,6 +76,15 @@ fn a_line_that_the_controller_has_read_otherwise_is_a_fault() {
     link.send_line("G1X4", LineKind::Motion, 0);
     link.receive(ms(8), b"[echo: G1X4]\r\n");
     assert_eq!(faults(&mut link), read_otherwise("G1X3", "G1X4"));
+    // A tool change runs the lines of its macro before its answer.
+    link.receive(ms(8), b"ok\r\n[echo: G1X4]\r\nok\r\n");
+    link.send_line("N7M6T2", LineKind::Slow, 0);
+    link.receive(ms(8), b"[echo: N7M6T2]\r\n[echo: G53G0Z0]\r\n[echo: G4P1]\r\n");
+    assert_eq!(faults(&mut link), []);
+    link.receive(ms(8), b"ok\r\n");
+    link.send_line("N8M6T2", LineKind::Slow, 0);
+    link.receive(ms(8), b"[echo: N8M6T3]\r\n");
+    assert_eq!(faults(&mut link), read_otherwise("N8M6T2", "N8M6T3"));
     // After an alarm nobody knows which line it is.
     link.receive(ms(9), b"ALARM:1\r\n[echo: G1X9]\r\n");
     assert_eq!(faults(&mut link), []);

@@ -152,6 +152,13 @@ async fn begin(
     let planned = paths.get(&program_id, PATH_WITHIN).await;
     let planned = planned
         .map_err(|message| Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message })?;
+    if ![0, planned.revision].contains(&goal.revision) {
+        let message = format!(
+            "revision {} of the plan was asked for, and the program was planned anew since: look at revision {}",
+            goal.revision, planned.revision
+        );
+        return Err(Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message });
+    }
     let in_span = run_start::ask(planner, &planned, (goal.start_line, goal.occurrence)).await?;
     if offer.is_canceled() {
         let message = "it was canceled before it began".into();
@@ -239,6 +246,8 @@ fn end(
             message,
             last_line,
             last_occurrence,
+            start_line: goal.goal().start_line,
+            start_occurrence: goal.goal().occurrence,
         });
     }
     goal.end(outcome, result);

@@ -121,6 +121,13 @@ impl Descent {
 /// `; first come G53G0Z-5, S8000M3, G0X8Y20`: what is sent before the first element, and whether the tool gets
 /// there by it.
 pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) -> String {
+    let further = encoder.awaited_further().map_or(String::new(), |(letters, line)| {
+        format!(
+            "; {letters} {} moved from line {line} on only: put {} where the program begins",
+            if letters.len() == 1 { "is" } else { "are" },
+            if letters.len() == 1 { "it" } else { "them" }
+        )
+    });
     let mut lines = Vec::new();
     let mut more = 0;
     while let Some(Ok(step)) = encoder.next_step() {
@@ -144,7 +151,7 @@ pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) ->
     if !lines.is_empty() {
         text = format!("; first come {}", lines.join(", "));
     }
-    text + descent.before()
+    text + &further + descent.before()
 }
 
 /// Owns a request that only asks whether a path can be encoded. No run comes of it, so

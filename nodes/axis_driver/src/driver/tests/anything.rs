@@ -4,6 +4,7 @@ use super::bench::{straight, with_event};
 use super::replan::Rests;
 use super::*;
 use crate::journal::{Journal, replay};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::path::CompensatedPath;
 use proptest::prelude::*;
 use std::sync::Arc;

@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, straight};
 use super::*;
+use cnc_msgs::further::FurtherAxes;
 
 fn stops(bench: &Bench) -> Vec<u8> {
     bench.sent.iter().copied().filter(|byte| [b'!', b'~', 0x18].contains(byte)).collect()
