@@ -29,6 +29,9 @@ pub(crate) struct UpArgs {
     /// Firmware of the virtual controller: grbl, grblhal or fluidnc
     #[arg(long, value_name = "NAME", requires = "virtual_controller")]
     firmware: Option<String>,
+    /// Axes of the virtual controller: XYZA, and up to XYZABC
+    #[arg(long, value_name = "LETTERS", requires = "virtual_controller")]
+    axes: Option<String>,
     /// Scenario of the virtual controller: its build, settings and faults
     #[arg(long, value_name = "FILE", requires = "virtual_controller")]
     scenario: Option<PathBuf>,
@@ -130,6 +133,7 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
         for (flag, value) in [
             ("--time-factor", args.time_factor.map(|factor| factor.to_string())),
             ("--firmware", args.firmware.clone()),
+            ("--axes", args.axes.clone()),
             ("--scenario", args.scenario.as_ref().map(|file| file.display().to_string())),
         ] {
             controller_args.extend(value.into_iter().flat_map(|value| [flag.to_owned(), value]));
