@@ -91,9 +91,11 @@ impl<'t> Flow<'t> {
         self.frames.len() - 1
     }
 
-    /// Whether programs of their own may follow the end of the main program.
-    pub(crate) fn has_programs(&self) -> bool {
-        !self.map.programs.is_empty() || !self.map.subs.is_empty()
+    /// Whether a program or a subroutine begins in this line.
+    pub(crate) fn begins_at(&self, line: u32) -> bool {
+        let entries = &self.map.entries;
+        let found = entries.binary_search_by_key(&line, |entry| entry.at.line);
+        found.is_ok_and(|at| matches!(entries[at].keyword, Keyword::Number | Keyword::Sub))
     }
 
     /// Counts a line; returns whether it may be executed. `events` so far count as well: a cycle

@@ -132,10 +132,24 @@ impl<'r> Reader<'r> {
     #[inline]
     fn line(&mut self, line: Line<'_>, at: Cursor) -> Outcome {
         self.findings.begin_block();
+        let is_after = matches!(self.section, Section::After { .. });
+        if let Some(flow) = &mut self.flow {
+            if is_after && flow.begins_at(line.number) {
+                return Outcome::Stop;
+            }
+            let events = self.interpreter.event_count();
+            if !is_after && !flow.count(line, events, &mut self.findings) {
+                return self.stop(line);
+            }
+        }
         if line.text.len() > limits::LINE_BYTES_MAX {
             self.too_long(line);
             self.has_blocks = true;
-            return Outcome::Line;
+            return match self.flow {
+                // It may come again and again.
+                Some(_) => self.stop(line),
+                None => Outcome::Line,
+            };
         }
         if let Some(outcome) = self.percent_in_call(line) {
             return outcome;
@@ -246,20 +260,18 @@ impl<'r> Reader<'r> {
                 self.interpreter.set_depth(depth, source, &mut self.findings);
                 Outcome::Jump(to)
             }
-            Next::Stop => {
-                // It has been reported why; what follows was never to be reached.
-                self.section = Section::After { end_line: line.number, is_reported: true };
-                Outcome::Stop
-            }
+            Next::Stop => self.stop(line),
         }
+    }
+
+    /// Nothing: it has been reported why, and what follows was never to be reached.
+    fn stop(&mut self, line: Line<'_>) -> Outcome {
+        self.section = Section::After { end_line: line.number, is_reported: true };
+        Outcome::Stop
     }
 
     fn step(&mut self, line: Line<'_>, at: Cursor) -> Next {
         let Some(flow) = &mut self.flow else { return Next::Line };
-        let events = self.interpreter.event_count();
-        if !flow.count(line, events, &mut self.findings) {
-            return Next::Stop;
-        }
         let mut world = World {
             parameters: &mut self.parameters,
             interpreter: &self.interpreter,
@@ -287,10 +299,8 @@ impl<'r> Reader<'r> {
                 self.end_in_call(line)
             }
             After::End => {
-                self.section = Section::After {
-                    end_line: line.number,
-                    is_reported: flow.has_programs() || self.block.is_binary,
-                };
+                let is_reported = self.block.is_binary;
+                self.section = Section::After { end_line: line.number, is_reported };
                 Next::Line
             }
             After::Call { program, times } => {

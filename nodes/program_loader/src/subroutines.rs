@@ -73,6 +73,8 @@ pub fn with_subroutines(
 #[derive(Default)]
 struct CalledPrograms {
     numbers: BTreeSet<u32>,
+    /// Those that the program itself has.
+    own: BTreeSet<Box<str>>,
     /// Bytes of the text that have been searched.
     searched: usize,
 }
@@ -85,11 +87,15 @@ impl CalledPrograms {
             let map = FlowMap::of(text, false, &mut findings);
             return map.undefined_calls().map(str::to_owned).collect();
         };
+        if self.searched == 0 {
+            // Of two files that have a program one is not chosen: both are read, which is an error.
+            self.own =
+                FlowMap::of_programs(text, programs, &mut findings).programs.into_keys().collect();
+        }
         self.search(&text[self.searched..], rules, programs);
         self.searched = text.len();
-        let map = FlowMap::of_programs(text, programs, &mut findings);
         let called = self.numbers.iter().map(u32::to_string);
-        called.filter(|number| !map.programs.contains_key(number.as_str())).collect()
+        called.filter(|number| !self.own.contains(number.as_str())).collect()
     }
 
     fn search(&mut self, text: &[u8], rules: &LexerRules, programs: &Programs) {
@@ -120,7 +126,11 @@ impl CalledPrograms {
 /// Whether a line may have a call, without reading its words.
 fn may_call(line: &[u8], programs: &Programs) -> bool {
     match programs.call {
-        None => memchr::memmem::find(line, b"98").is_some(),
+        // Blanks and leading zeros may stand before each digit: `M9 8`.
+        None => memchr::memchr2_iter(b'M', b'm', line).any(|at| {
+            let mut digits = line[at + 1..].iter().filter(|byte| !matches!(byte, b' ' | b'\t'));
+            digits.find(|byte| **byte != b'0') == Some(&b'9') && digits.next() == Some(&b'8')
+        }),
         // `LF` ends many lines.
         Some((letter, _)) => memchr::memchr2_iter(letter, letter.to_ascii_lowercase(), line)
             .any(|at| !line.get(at + 1).is_some_and(u8::is_ascii_alphabetic)),

@@ -94,6 +94,13 @@ fn each_move_names_the_call_that_led_to_it() {
             ],
         ),
         (
+            "a number that is said twice, and one after a blank",
+            NCT,
+            "%O1001 (PART)\nO1001\nM98 P2\nM30\n% O2\nG0 X1\nM99\n",
+            &[],
+            &["6, in O2, called from line 3"],
+        ),
+        (
             "a file with a header",
             SIEMENS,
             "L9\nM30\n",
@@ -188,6 +195,13 @@ fn a_call_that_cannot_be_done_is_an_error_with_its_place_and_calls() {
             "O2 is in line 3 already",
             "5",
             "give each program a number of its own",
+        ),
+        (
+            NCT,
+            "M98 P2\nM30\nO2\nG0 X2\n%\nG0 X99\nM99\n",
+            "the text ends within O2, called in line 1",
+            "5, in O2, called from line 1",
+            "end a program that is called with M99",
         ),
         (
             MASSO,
@@ -366,4 +380,85 @@ fn a_calculation_that_is_not_certain_is_refused_at_its_place() {
     // No other control has them.
     let (loaded, _) = loaded(NCT, "R1=5\nM30\n", &[]);
     assert!(!loaded.is_accepted());
+}
+
+#[test]
+fn of_two_files_with_one_program_none_is_chosen() {
+    let files =
+        [("11.nct", "O11\nM98 P12\nM99\nO12\nG0 X4\nM99\n"), ("12.nct", "O12\nG0 X8\nM99\n")];
+    let (both, text) = loaded(NCT, "M98 P12\nM98 P11\nM30\n", &files);
+    assert_eq!(both.findings.len(), 1, "{text}\n{:#?}", both.findings);
+    assert!(both.findings[0].message.starts_with("O12 is in line "), "{:#?}", both.findings);
+    // What one file brings along is its own.
+    assert_eq!(moves(NCT, "M98 P11\nM30\n", &files[..1]).len(), 1);
+}
+
+#[test]
+fn blocks_between_the_end_and_the_next_program_are_reported() {
+    for (control, text, message, line) in [
+        (NCT, "M98 P2\nM30\nG0 X50\nO2\nG0 X1\nM99\n", "this is after the end", 3),
+        (NCT, "%O1\nM98 P2\n%O2\nG0 X1\nM99\n", "the program has no end", 2),
+        (SIEMENS, "%MPF1\nL2\n%SPF2\nG0 X1\nM17\n", "the program has no end", 2),
+        ("rs274", "o<a> call\nM2\nG0 X5\no<a> sub\no<a> endsub\n", "this is after the end", 3),
+    ] {
+        let (loaded, _) = loaded(control, text, &[]);
+        let [finding] = loaded.findings.as_slice() else {
+            panic!("{text}\n{:#?}", loaded.findings)
+        };
+        assert!(finding.message.starts_with(message) && !finding.is_error(), "{finding:#?}");
+        assert_eq!(finding.source.line, line, "{finding:#?}");
+    }
+}
+
+#[test]
+fn a_percent_sign_within_what_is_called_is_an_error_in_rs274() {
+    for text in [
+        "O1\nG21 G0 X1\nM98 P100\nG0 X5\nM30\nO100\nG0 X2\n%\nG0 X3\nM99\n",
+        "o100 sub\nG0 X1\n%\no100 endsub\no100 call\nM2\n",
+    ] {
+        let (loaded, _) = loaded("rs274", text, &[]);
+        assert!(!loaded.is_accepted(), "{text}\n{:#?}", loaded.findings);
+    }
+}
+
+#[test]
+fn lines_that_are_no_blocks_count_in_a_program_without_an_end() {
+    let marks = "/ G0\n".repeat(2000);
+    let long = "x".repeat(5000);
+    for (control, text) in [
+        (NCT, format!("M98 P2 L9999999\nM30\nO2\n{marks}M99\n")),
+        ("rs274", format!("o1 while [1]\n({long})\no1 endwhile\nM2\n")),
+    ] {
+        let options = LoadOptions { block_delete: true, ..LoadOptions::default() };
+        let loaded = load(text.as_bytes(), &profile(control), &options);
+        assert!(!loaded.is_accepted() && loaded.findings.len() < 3, "{:#?}", loaded.findings);
+    }
+}
+
+#[test]
+fn a_call_and_an_end_in_one_block_are_refused() {
+    for (block, message) in [
+        ("M98 P2 M30", "M98 and M30 exclude each other in one block"),
+        ("M30 M98 P2", "M30 and M98 exclude each other in one block"),
+        ("M2 M99", "M2 and M99 exclude each other in one block"),
+        ("M98 P2 M99", "M98 and M99 exclude each other in one block"),
+    ] {
+        for control in [NCT, "rs274"] {
+            let text = format!("O1\nG21 G0 X1\n{block}\nM30\nO2\nG0 X2\nM99\n");
+            let (loaded, _) = loaded(control, &text, &[]);
+            assert!(!loaded.is_accepted(), "{text}");
+            let is_said = loaded.findings.iter().any(|it| it.message == message);
+            assert!(is_said, "{control}: {text}\n{:#?}", loaded.findings);
+        }
+    }
+}
+
+#[test]
+fn the_file_of_a_number_with_a_blank_in_it_is_found() {
+    let file = [("8.nc", "\n%\n\nG0 X1\nM99\n")];
+    for call in ["M9 8 P8", "M098 P 8", "m 98 P8"] {
+        let (loaded, text) = loaded(MASSO, &format!("{call}\nM30\n"), &file);
+        assert!(loaded.is_accepted(), "{text}\n{:#?}", loaded.findings);
+        assert_eq!(loaded.contour.calls.rows().len(), 1, "{text}");
+    }
 }

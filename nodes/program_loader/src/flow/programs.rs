@@ -12,6 +12,7 @@ use crate::limits::NUMBER_DIGITS;
 use crate::line::Line;
 use crate::subroutines::file_starts;
 use cnc_msgs::finding::{Code, Finding};
+use std::collections::BTreeSet;
 
 impl FlowMap {
     /// Finds all programs of a text in a language without O words, and those in files that follow it.
@@ -22,6 +23,7 @@ impl FlowMap {
         let mut seen = Cursor { offset: 0, line: 1 };
         // The number of the file that is being read, and where it ends.
         let mut file = (u32::MAX, 0);
+        let mut twice = BTreeSet::new();
         for Beginning { offset, number, file_end } in beginnings(text, programs) {
             let lines = memchr::memchr_iter(b'\n', &text[seen.offset..offset]).count();
             let at = Cursor { offset, line: seen.line + lines as u32 };
@@ -42,6 +44,9 @@ impl FlowMap {
             }
             let name: Box<str> = number.to_string().into();
             if let Some(&first) = map.programs.get(&name) {
+                if !twice.insert(number) {
+                    continue;
+                }
                 let first = map.entries[first].at.line;
                 let letter = programs.letter;
                 let line = super::map::line_at(text, at);
@@ -55,7 +60,10 @@ impl FlowMap {
                 continue;
             }
             map.programs.insert(name.clone(), map.entries.len());
-            let next = next_line(text, at);
+            let next = match file_end {
+                Some(_) => after_tape_marks(text, next_line(text, at)),
+                None => next_line(text, at),
+            };
             map.entries.push(Entry {
                 at,
                 next,
@@ -68,6 +76,19 @@ impl FlowMap {
     }
 }
 
+/// The first line from here on that is neither empty nor a `%` alone.
+fn after_tape_marks(text: &[u8], mut at: Cursor) -> Cursor {
+    while at.offset < text.len() {
+        let next = next_line(text, at);
+        let line = text[at.offset..next.offset].trim_ascii();
+        if !line.is_empty() && line != b"%" {
+            break;
+        }
+        at = next;
+    }
+    at
+}
+
 /// Where a program begins.
 struct Beginning {
     /// Of its line.
@@ -77,7 +98,7 @@ struct Beginning {
     file_end: Option<usize>,
 }
 
-/// In the order of the text.
+/// In the order of the text, after the number of the main program.
 fn beginnings(text: &[u8], programs: &Programs) -> Vec<Beginning> {
     let mut found: Vec<Beginning> = file_starts(text)
         .into_iter()
@@ -99,9 +120,21 @@ fn beginnings(text: &[u8], programs: &Programs) -> Vec<Beginning> {
     }
     found.sort_by_key(|beginning| beginning.offset);
     if found.first().is_some_and(|first| is_blank(&text[..first.offset])) {
-        found.remove(0);
+        let first = found.remove(0);
+        // It may say its number twice: `%O1001`, then `O1001`.
+        let is_again = |next: &Beginning| {
+            next.number == first.number && is_blank_after(&text[first.offset..next.offset])
+        };
+        if found.first().is_some_and(is_again) {
+            found.remove(0);
+        }
     }
     found
+}
+
+/// Whether nothing but comments follows the first line of a text.
+fn is_blank_after(text: &[u8]) -> bool {
+    memchr::memchr(b'\n', text).is_some_and(|end| is_blank(&text[end..]))
 }
 
 trait TrimBlanks {
@@ -118,12 +151,19 @@ impl TrimBlanks for [u8] {
 
 /// The number after `O` or `%SPF`.
 fn number_after(text: &[u8], begins: &str) -> Option<u32> {
+    let blanks_of =
+        |text: &[u8]| text.iter().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
+    // `% O2`
+    let (text, begins) = match begins.strip_prefix('%').zip(text.strip_prefix(b"%")) {
+        Some((begins, text)) => (&text[blanks_of(text)..], begins),
+        None => (text, begins),
+    };
     let word = text.get(..begins.len())?;
     if !word.eq_ignore_ascii_case(begins.as_bytes()) {
         return None;
     }
     let rest = &text[begins.len()..];
-    let blanks = rest.iter().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
+    let blanks = blanks_of(rest);
     let digits = rest[blanks..].iter().take_while(|byte| byte.is_ascii_digit()).count();
     if !(1..=NUMBER_DIGITS).contains(&digits) {
         return None;

@@ -329,6 +329,9 @@ fn excludes(one: MWord, other: MWord) -> bool {
             MWord::Stop { .. } | MWord::ProgramEnd { .. },
         )
         | (MWord::Spindle(_), MWord::Spindle(_))
+        | (MWord::ProgramEnd { .. } | MWord::EndProgram, MWord::CallProgram | MWord::EndProgram)
+        | (MWord::CallProgram, MWord::ProgramEnd { .. } | MWord::EndProgram)
+        | (MWord::EndProgram, MWord::ProgramEnd { .. })
         | (MWord::ChangeTool, MWord::NameTool)
         | (MWord::NameTool, MWord::ChangeTool) => true,
         (MWord::Coolant(one), MWord::Coolant(other)) => {

@@ -49,24 +49,29 @@ impl Reader<'_> {
         });
     }
 
-    /// Reads a `%` within a program that has been called: a tape mark, or the name of another program.
+    /// Reads a `%` within a program or a subroutine that has been called: its text ends there, or another
+    /// program begins. Tape marks before its first block have been passed over.
     #[inline]
     pub(super) fn percent_in_call(&mut self, line: Line<'_>) -> Option<Outcome> {
-        let flow = self.flow.as_ref()?;
-        let programs = self.rules.dialect.lexer.programs?;
         let visible = line.text.trim_ascii();
-        if visible.first() != Some(&b'%') || flow.depth() == 0 {
+        let flow = self.flow.as_ref().filter(|flow| flow.depth() > 0)?;
+        if visible.first() != Some(&b'%') {
             return None;
         }
         let rest = visible[1..].trim_ascii_start();
-        if rest.is_empty() || matches!(rest[0], b'(' | b';') {
-            return Some(Outcome::Line);
+        if line.text == limits::APPENDED.as_bytes()
+            || rest.is_empty()
+            || matches!(rest[0], b'(' | b';')
+        {
+            self.no_end(line.number);
+        } else {
+            let running = flow.running().unwrap_or_default();
+            let message = format!("another program begins before the end of {running}");
+            let source = line.source(None, 0, line.text.trim_ascii_end().len());
+            let end = self.rules.dialect.lexer.programs.map_or("M99", |programs| programs.end);
+            let help = format!("end a program that is called with {end}");
+            self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
         }
-        let running = flow.running().unwrap_or_default();
-        let message = format!("another program begins before the end of {running}");
-        let source = line.source(None, 0, line.text.trim_ascii_end().len());
-        let help = format!("end a program that is called with {}", programs.end);
-        self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
         self.section = Section::After { end_line: line.number, is_reported: true };
         Some(Outcome::Stop)
     }
@@ -112,11 +117,16 @@ impl Reader<'_> {
             self.end_before_appended(line);
             return true;
         }
-        let has_programs = self.flow.as_ref().is_some_and(Flow::has_programs);
+        // The blocks of a program that is called are none after the end of this one.
+        let is_reported = self.flow.as_ref().is_some_and(|flow| flow.begins_at(line.number));
+        let ends = Section::After { end_line: line.number, is_reported };
         if !self.rules.dialect.percent_delimits {
             // The name of the program; the name of another program ends this one.
             if !is_first && self.section == Section::Within {
-                self.section = Section::After { end_line: line.number, is_reported: has_programs };
+                self.section = ends;
+                if visible[1..].trim_ascii().first().is_some_and(u8::is_ascii_alphabetic) {
+                    self.last_line_without_end = Some(line.number - 1);
+                }
             }
             return true;
         }
@@ -132,7 +142,7 @@ impl Reader<'_> {
         }
         self.section = match self.section {
             Section::Before => Section::Within,
-            Section::Within => Section::After { end_line: line.number, is_reported: has_programs },
+            Section::Within => ends,
             after @ Section::After { .. } => after,
         };
         true
@@ -144,10 +154,11 @@ impl Reader<'_> {
         if self.section == Section::Within {
             self.last_line_without_end = Some(line.number.saturating_sub(1));
         }
-        if !matches!(self.section, Section::After { .. }) {
-            let is_reported = self.flow.as_ref().is_some_and(Flow::has_programs);
-            self.section = Section::After { end_line: line.number, is_reported };
-        }
+        let end_line = match self.section {
+            Section::After { end_line, .. } => end_line,
+            _ => line.number,
+        };
+        self.section = Section::After { end_line, is_reported: true };
     }
 
     /// Reports once that blocks after the end are not run; returns whether it has been reported.
