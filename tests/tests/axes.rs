@@ -373,3 +373,20 @@ fn a_jog_of_further_axes_that_boards_understand_differently_moves_nothing() {
     assert_eq!(result.error_code, axis_driver::codes::error_code::STOPPED_SHORT, "{result:?}");
     assert!(result.message.contains("and not at A300.000"), "{result:?}");
 }
+
+#[test]
+fn an_axis_that_stays_where_it_is_may_be_named_in_arcs_and_under_compensation() {
+    let program = "G21 G90\nT1 M6\nG0 X0 Y0 Z5 A0\nG2 X10 Y0 I5 J0 A0 F100\nG0 X0 Y-20 A0\n\
+                   G41 D1 G1 X0 Y0 A0 F100\nX40 A0\nG40 X60 Y-20 A0\nM2\n";
+    let turns =
+        path(program).events.iter().filter(|it| matches!(it.action, Action::Further(_))).count();
+    assert_eq!(turns, 1, "only the first one says where A is");
+    assert!(planned("G21 G90\nG0 X0 Y0 A0\nG2 X10 Y0 I5 J0 A1 F100\nM2\n").is_err());
+}
+
+#[test]
+fn an_axis_turns_at_its_own_feed_where_the_others_stand_but_for_rounding() {
+    let mut line = board(Firmware::GrblHal, "XYZA");
+    let lines = sent(&mut line, "G21 G90\nG0 X10 A0\nG1 X[10+0.00000001] A90 F600\nM2\n");
+    assert!(lines.iter().any(|it| it.ends_with("G1A90F600")), "{lines:?}");
+}

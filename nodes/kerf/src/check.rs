@@ -9,7 +9,10 @@ use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
+use intake::folders::Folders;
 use program_loader::LoadOptions;
+use program_loader::limits::PROGRAM_BYTES_MAX;
+use program_loader::subroutines::with_subroutines;
 use replay::path_distance::{PathDistance, between};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -28,6 +31,10 @@ pub(crate) struct CheckArgs {
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
+    /// Folder with the files of subroutines that the program calls: o<pocket> call reads pocket.ngc,
+    /// M98 P10 on MASSO 10.nc
+    #[arg(long, value_name = "DIR")]
+    subroutines: Vec<String>,
     /// Position of the tool before the first block, millimetres
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
     start: [f64; 3],
@@ -79,10 +86,14 @@ pub(crate) fn run(args: &CheckArgs) -> CommandResult {
         names.extend(settings::Control::ALL.map(|control| control.name().to_owned()));
     }
     names.extend(args.controls.iter().cloned());
+    let folders = Folders::new(args.subroutines.iter().cloned(), "--subroutines");
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
     let mut results = Vec::new();
     for name in names {
         let profile = files::profile(&name)?;
+        let text = with_subroutines(text.clone(), &profile, |name| {
+            folders.read(name, PROGRAM_BYTES_MAX as u64).ok()
+        });
         let planned = Planned::new(&text, &profile, &tools, &options, Planning::default());
         planned.keep_disagreement(&files::file_name(&args.file), &text);
         results.push(ControlResult { named: name, profile, planned });

@@ -197,6 +197,18 @@ impl Lexer<'_> {
                 (format!("`{quote}` is too large"), "look for a missing decimal point")
             }
         };
+        let is_parameter = matches!(
+            self.line.text[self.at.min(self.line.text.len())..].trim_ascii_start().first(),
+            Some(b'R' | b'r')
+        );
+        let help = match trouble.what {
+            NumberError::Missing | NumberError::Malformed
+                if self.rules.r_parameters && is_parameter =>
+            {
+                "write a parameter after an equals sign: X=R1, X=-R1"
+            }
+            _ => help,
+        };
         self.add(letter, f64::NAN, start);
         self.report(Code::BadNumber, start, message, help);
     }

@@ -179,6 +179,9 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         findings.push(wrong);
     }
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
+    // Some senders fill their last block with 0x00.
+    let zeros = text.iter().rev().take_while(|byte| **byte == 0).count();
+    let text = if zeros < text.len() { &text[..text.len() - zeros] } else { text };
     // 0x1A: DOS ended texts with it.
     let text = text.strip_suffix(b"\x1A").unwrap_or(text);
     let text = if options.is_single_block { text.trim_ascii_end() } else { text };

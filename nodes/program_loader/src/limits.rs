@@ -39,6 +39,8 @@ pub const EVENTS_MAX: usize = LINES_MAX as usize;
 /// of an inch (LinuxCNC).
 pub const PECK_CLEARANCE_MM: f64 = 0.254;
 
+/// An axis that goes less far stands still: half of the last place that is sent to a controller.
+pub const STAYS_MM: f64 = 0.000_05;
 /// Millimetres of an inch.
 pub const MM_PER_INCH: f64 = 25.4;
 

@@ -462,3 +462,13 @@ fn the_file_of_a_number_with_a_blank_in_it_is_found() {
         assert_eq!(loaded.contour.calls.rows().len(), 1, "{text}");
     }
 }
+
+#[test]
+fn zeros_that_fill_the_last_block_of_a_sender_end_the_text() {
+    for text in ["G0 X1\nM30\0\0\0", "G0 X1\nM30\n\0\0", "G0 X1\nM30\x1A\0\0"] {
+        let (loaded, _) = loaded(NCT, text, &[]);
+        assert_eq!(loaded.findings, [], "{text:?}");
+    }
+    assert!(!loaded(NCT, "\0\0", &[]).0.is_accepted());
+    assert!(!loaded(NCT, "G0 X1\n\0G0 X2\nM30\n", &[]).0.is_accepted());
+}

@@ -62,7 +62,7 @@ pub enum EncodeProblem {
     NoAxis { letter: char, axes: String },
     #[error(
         "{letter}{value} is not between -{max} and {max} degrees: the controller's 32 bit numbers \
-         would be too far apart; count from 0 again with G92"
+         would be too far apart; post angles between -360 and 360 degrees"
     )]
     Turns { letter: char, value: f64, max: f64 },
     #[error("{words} moves with a motion of its block, and the path has none there")]

@@ -120,7 +120,10 @@ impl Interpreter<'_> {
             return has_motion;
         }
         let letters = end.letters();
+        let stays = end.iter().all(|(axis, value)| from.get(axis) == Some(value));
         match self.modal.mode {
+            // Posts for three axes write A0 into each block.
+            Some(Mode::Rapid | Mode::Feed | Mode::Arc { .. }) if has_motion && stays => true,
             Some(Mode::Rapid | Mode::Feed) if has_motion => {
                 self.further.along = end;
                 true

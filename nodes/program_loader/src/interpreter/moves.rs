@@ -7,7 +7,7 @@ use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
 use crate::block::Word;
 use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode, Spline};
-use crate::limits::COORDINATE_MM_MAX;
+use crate::limits::{COORDINATE_MM_MAX, STAYS_MM};
 use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::FurtherAxes;
@@ -205,7 +205,8 @@ impl Interpreter<'_> {
         let is_sound = self.relies(scene, relied) & self.has_feed(scene, class);
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {
-            if turns_at_feed && from == end.position {
+            let stays = (0..3).all(|axis| (from[axis] - end.position[axis]).abs() < STAYS_MM);
+            if turns_at_feed && stays {
                 return self.further_without_motion(scene, further_from);
             }
             self.feed_of_length(class, || distance(from, end.position));
