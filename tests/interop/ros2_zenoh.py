@@ -207,8 +207,9 @@ class Client:
         self._answers = {}
 
     def is_ready(self):
-        """As `service_is_ready`."""
-        return any(token[11] == self.type_hash for token in self.node.others('SS', self.name))
+        """As `service_is_ready`, and the way there is known, too."""
+        is_announced = any(token[11] == self.type_hash for token in self.node.others('SS', self.name))
+        return is_announced and self._querier.matching_status.matching
 
     def wait_for_service(self, timeout=TIMEOUT):
         until(f'the service {self.name}', self.is_ready, timeout)

@@ -50,8 +50,8 @@ def test_health_comes_once_a_second(machine, node):
     until('four messages of each node', enough)
     for name, seen in stamps.items():
         period = (seen[-1] - seen[0]) / (len(seen) - 1)
-        # Late on a busy host, never early.
-        assert 0.9 < period < 3.0, name
+        # On a busy host any of them may be late, and the next one keeps its time.
+        assert 0.5 < period < 5.0, name
 
 
 def test_a_refused_program_is_a_warning_until_another_one_is_loaded(node, health):

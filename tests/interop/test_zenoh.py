@@ -6,6 +6,7 @@ Needs a `kerf` with the feature `zenoh`.
 import os
 import socket
 import subprocess
+import sys
 import time
 
 import pytest
@@ -159,22 +160,23 @@ def test_nodes_and_endpoints_are_announced_as_rcl_nodes_are(machine, node):
         return {(token[8], token[9].replace('%', '/')): token[10:] for token in
                 map(lambda text: text.split('/'), sorted(node.tokens)) if token[5] == kind
                 and token[7] == ros2_zenoh.mangled(machine.namespace) and token[8] in NODES}
-    until('all nodes', lambda: {node for node, _ in announced('SS')} == set(NODES))
+    wanted = {(owner, node.resolve(name)): f'cnc_msgs/srv/{kind}'
+              for owner, services in SERVICES.items() for name, kind in services.items()}
+    wanted |= {('axis_driver', node.resolve(name)): 'std_srvs/srv/Trigger' for name in TRIGGERS}
+    wanted |= {(owner, node.resolve(f'{owner}/{name}')): kind
+               for owner in NODES for name, kind in COMMON_SERVICES.items()}
+    topics = {(owner, node.resolve(topic)) for topic, (owner, *_) in TOPICS.items()}
     # Tokens come one by one.
-    time.sleep(1)
-    nodes = {text.split('/')[8] for text in node.tokens if text.split('/')[5] == 'NN'}
-    assert set(NODES) <= nodes
+    until('all services', lambda: wanted.keys() <= announced('SS').keys())
+    until('all topics', lambda: topics <= announced('MP').keys())
+    until('all nodes', lambda: set(NODES) <= {
+        text.split('/')[8] for text in node.tokens if text.split('/')[5] == 'NN'})
     publishers, servers = announced('MP'), announced('SS')
     for topic, (owner, type_name, (reliable, transient_local)) in TOPICS.items():
         kind, type_hash, qos = publishers[owner, node.resolve(topic)]
         assert kind == interfaces.dds_type(type_name), topic
         assert type_hash == interfaces.type_hash(type_name), topic
         assert qos.split(':')[:2] == ['' if reliable else '2', '1' if transient_local else '']
-    wanted = {(owner, node.resolve(name)): f'cnc_msgs/srv/{kind}'
-              for owner, services in SERVICES.items() for name, kind in services.items()}
-    wanted |= {('axis_driver', node.resolve(name)): 'std_srvs/srv/Trigger' for name in TRIGGERS}
-    wanted |= {(owner, node.resolve(f'{owner}/{name}')): kind
-               for owner in NODES for name, kind in COMMON_SERVICES.items()}
     for (owner, name), type_name in wanted.items():
         kind, type_hash, _ = servers[owner, name]
         assert (kind, type_hash) == (
@@ -246,6 +248,50 @@ def test_no_message_of_another_definition_moves_or_holds_the_machine(machine, no
     until_state(node, MachineState.STATE_HOLD)
 
 
+def test_an_answer_may_take_longer_than_a_query_does_by_default(machine):
+    override = at(machine.port)['ZENOH_CONFIG_OVERRIDE'] + ';queries_default_timeout=1000'
+    variables = at(machine.port) | {'ROS_DOMAIN_ID': str(machine.domain_id),
+                                    'ZENOH_CONFIG_OVERRIDE': override}
+    since = time.monotonic()
+    answer = run('mdi', 'G4 P40', '--ros-args', '-r', f'__ns:={machine.namespace}', **variables,
+                 KERF_RUNTIME_DIR=str(machine.folder / 'no_sockets'))
+    assert answer.returncode == 0, answer.stdout + answer.stderr
+    assert time.monotonic() - since > 2.5
+
+
+# Asks for more than a link holds, then takes nothing in.
+STOPPED = """
+import os, signal, sys
+sys.path[:0] = sys.argv[1:2]
+import ros2_zenoh
+node = ros2_zenoh.Node('stopped', sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
+chunks = node.client('cnc_msgs/srv/GetProgramChunks', 'program/get_chunks').wait_for_service()
+for _ in range(400):
+    chunks.send(program_id=sys.argv[5], first=0)
+os.kill(os.getpid(), signal.SIGSTOP)
+"""
+
+
+def test_a_client_that_takes_nothing_in_holds_no_node_up(machine, node):
+    text = 'G21 G90 G94 G17\n' + 'G1 X10 F1200\nX110\n' * 30_000 + 'M30\n'
+    answer, _ = load(node, text=text, name='large.ngc')
+    stopped = subprocess.Popen([
+        sys.executable, '-B', '-c', STOPPED, os.path.dirname(__file__), machine.namespace,
+        str(machine.domain_id), str(machine.port), answer.program_id], preexec_fn=die_with_parent)
+    try:
+        until('the client to be stopped', lambda: 'T' in open(
+            f'/proc/{stopped.pid}/stat').read().rpartition(')')[2].split()[0])
+        state = node.client('lifecycle_msgs/srv/GetState', 'program_loader/get_state')
+        # Zenoh gives a link up after 5 s, and one worker of a node after the other would wait so long.
+        for _ in range(20):
+            since = time.monotonic()
+            assert state.call().current_state.label == 'active'
+            assert time.monotonic() - since < 3
+    finally:
+        stopped.kill()
+        stopped.wait()
+
+
 def test_the_commands_speak_zenoh_too(machine):
     variables = at(machine.port) | {'ROS_DOMAIN_ID': str(machine.domain_id)}
     answer = run('status', '--ros-args', '-r', f'__ns:={machine.namespace}', **variables)
@@ -280,7 +326,8 @@ def test_a_missing_router_is_named_within_two_seconds():
     port = free_port()
     since = time.monotonic()
     answer = run('node', 'program_loader', **at(port))
-    assert time.monotonic() - since < 2.5
+    # And the start of a process on a busy host; a call without a router would take 60 s.
+    assert time.monotonic() - since < 10
     assert answer.returncode != 0
     for part in (f'no Zenoh router at tcp/127.0.0.1:{port}', 'refused', 'kerf router', 'rmw_zenohd',
                  'ZENOH_ROUTER_CHECK_ATTEMPTS'):
@@ -291,7 +338,7 @@ def test_a_node_waits_for_a_router_where_it_is_told_to():
     port = free_port()
     since = time.monotonic()
     run('node', 'program_loader', **at(port), ZENOH_ROUTER_CHECK_ATTEMPTS='4')
-    assert 3.5 < time.monotonic() - since < 6
+    assert 3.5 < time.monotonic() - since < 20
     node = subprocess.Popen(
         [kerf(), 'node', 'program_loader', '--ros-args', '-r', '__ns:=/waits'],
         env=os.environ | at(port) | {'ZENOH_ROUTER_CHECK_ATTEMPTS': '0'}, stderr=subprocess.PIPE,
@@ -310,7 +357,7 @@ def test_a_node_waits_for_a_router_where_it_is_told_to():
                 until('the loader', lambda: loader.state() == 'active')
         finally:
             router.terminate()
-            assert router.wait(10) == 0
+            assert router.wait(40) == 0
     finally:
         node.terminate()
         assert node.wait(40) == 0

@@ -10,13 +10,14 @@ pub(crate) fn run() -> CommandResult {
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
         .collect();
     let router = runtime::Router::start(&variables).map_err(Failure::usage)?;
-    println!("a Zenoh router listens at {}", router.addresses().join(", "));
     let executor = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(Failure::usage)?;
     executor.block_on(async {
-        EndSignals::listen()?.next().await;
+        let mut signals = EndSignals::listen()?;
+        println!("a Zenoh router listens at {}", router.addresses().join(", "));
+        signals.next().await;
         Ok::<(), Failure>(())
     })?;
     // Zenoh does not close in an executor that has a single thread.

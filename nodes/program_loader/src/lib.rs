@@ -179,11 +179,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         findings.push(wrong);
     }
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
-    // Some senders fill their last block with 0x00.
-    let zeros = text.iter().rev().take_while(|byte| **byte == 0).count();
-    let text = if zeros < text.len() { &text[..text.len() - zeros] } else { text };
-    // 0x1A: DOS ended texts with it.
-    let text = text.strip_suffix(b"\x1A").unwrap_or(text);
+    let text = without_filler(text);
     let text = if options.is_single_block { text.trim_ascii_end() } else { text };
     let line_feeds = memchr::memchr_iter(b'\n', text).count();
     let lines = line_feeds + usize::from(text.last().is_some_and(|&last| last != b'\n'));
@@ -250,4 +246,12 @@ fn refuse_whole(text: &[u8], line_count: u32) -> Option<Finding> {
         return Some(Finding::error(Code::Syntax, nowhere, message).help(help));
     }
     None
+}
+
+/// A text without what fills the last block of some senders (0x00), and what DOS ended texts with
+/// (0x1A).
+pub(crate) fn without_filler(text: &[u8]) -> &[u8] {
+    let zeros = text.iter().rev().take_while(|byte| **byte == 0).count();
+    let text = if zeros < text.len() { &text[..text.len() - zeros] } else { text };
+    text.strip_suffix(b"\x1A").unwrap_or(text)
 }

@@ -50,9 +50,10 @@ pub fn with_subroutines(
             && text.len() + file.len() < PROGRAM_BYTES_MAX
         {
             // What ends a text ends a file as well.
-            let file = file.strip_suffix(b"\x1A").unwrap_or(&file);
-            if !has_files && text.last() == Some(&b'\x1A') {
-                text.pop();
+            let file = crate::without_filler(&file);
+            if !has_files {
+                let length = crate::without_filler(&text).len();
+                text.truncate(length);
             }
             if text.last().is_some_and(|&last| last != b'\n') {
                 text.push(b'\n');

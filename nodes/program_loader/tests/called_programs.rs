@@ -394,19 +394,30 @@ fn of_two_files_with_one_program_none_is_chosen() {
 }
 
 #[test]
-fn blocks_between_the_end_and_the_next_program_are_reported() {
+fn a_lost_end_of_the_main_program_is_reported_where_another_program_begins() {
+    let after = |line| format!("this is after the end of the program in line {line}");
     for (control, text, message, line) in [
-        (NCT, "M98 P2\nM30\nG0 X50\nO2\nG0 X1\nM99\n", "this is after the end", 3),
-        (NCT, "%O1\nM98 P2\n%O2\nG0 X1\nM99\n", "the program has no end", 2),
-        (SIEMENS, "%MPF1\nL2\n%SPF2\nG0 X1\nM17\n", "the program has no end", 2),
-        ("rs274", "o<a> call\nM2\nG0 X5\no<a> sub\no<a> endsub\n", "this is after the end", 3),
+        (NCT, "G0 X1\n%O2\nG0 X2\nM99\n", "the program has no end".to_owned(), 1),
+        (SIEMENS, "%MPF1\nG0 X1\n%SPF2\nM17\n", "the program has no end".to_owned(), 2),
+        (SIEMENS, "%MPF1\nG0 X1\n%MPF2\nM30\n%SPF2\nM17\n", "the program has no end".to_owned(), 2),
+        (NCT, "G0 X1\nM30\nG0 X5\nO2\nG0 X2\nM99\n", after(2), 3),
+        (SIEMENS, "G0 X1\nM30\nG0 X5\n%SPF2\nG0 X2\nM17\n", after(2), 3),
+        ("rs274", "G0 X1\nM2\nG0 X5\no2 sub\no2 endsub\n", after(2), 3),
     ] {
         let (loaded, _) = loaded(control, text, &[]);
-        let [finding] = loaded.findings.as_slice() else {
-            panic!("{text}\n{:#?}", loaded.findings)
-        };
-        assert!(finding.message.starts_with(message) && !finding.is_error(), "{finding:#?}");
-        assert_eq!(finding.source.line, line, "{finding:#?}");
+        let found: Vec<_> =
+            loaded.findings.iter().map(|it| (it.message.clone(), it.source.line)).collect();
+        assert_eq!(found, [(message, line)], "{text}");
+        assert!(loaded.is_accepted(), "{text}");
+    }
+    for (control, text) in [
+        (NCT, "G0 X1\nM30\n%\n%O2 (SUB)\nG0 X2\nM99\n"),
+        (NCT, "%O1001(PART)\nO1001\nG0 X1\nM98 P2\nM30\n% O2\nG0 X2\nM99\n"),
+        (NCT, "G0 X1\nM30\n\n(SUB)\n O2\nG0 X2\nM99\n%\n"),
+        (SIEMENS, "%MPF1\nG0 X1\nM30\n%MPF2\nG0 X2\nM30\n%SPF2\nG0 X2\nM17\n"),
+        ("rs274", "G0 X1\nM2\no2 sub\no2 endsub\nG0 X5\n"),
+    ] {
+        assert_eq!(loaded(control, text, &[]).0.findings, [], "{text}");
     }
 }
 
@@ -465,6 +476,8 @@ fn the_file_of_a_number_with_a_blank_in_it_is_found() {
 
 #[test]
 fn zeros_that_fill_the_last_block_of_a_sender_end_the_text() {
+    // Files end so, too.
+    assert_eq!(moves(MASSO, "M98 P8\nM30\n", &[("8.nc", "G0 X1\nM99\0\0")]).len(), 1);
     for text in ["G0 X1\nM30\0\0\0", "G0 X1\nM30\n\0\0", "G0 X1\nM30\x1A\0\0"] {
         let (loaded, _) = loaded(NCT, text, &[]);
         assert_eq!(loaded.findings, [], "{text:?}");

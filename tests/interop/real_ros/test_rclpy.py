@@ -109,7 +109,7 @@ def test_the_reason_of_a_rejected_goal_is_on_rosout(machine, peer):
     assert reason.name.endswith('axis_driver')
     assert '0123456789abcdef' in reason.msg
     # On a busy host the reader may be slow.
-    assert at - decided < 2.0
+    assert at - decided < 10
     client.destroy()
 
 

@@ -40,7 +40,8 @@ impl Reader<'_> {
                 let message = format!("the text ends within {running}");
                 let help = match self.rules.dialect.lexer.programs {
                     Some(programs) => format!("end a program that is called with {}", programs.end),
-                    None => "end a program that M98 calls with M99".to_owned(),
+                    None => "end what is called: a program with M99, a subroutine with endsub"
+                        .to_owned(),
                 };
                 Finding::error(Code::Syntax, source, message).help(help)
             }
@@ -117,16 +118,23 @@ impl Reader<'_> {
             self.end_before_appended(line);
             return true;
         }
-        // The blocks of a program that is called are none after the end of this one.
-        let is_reported = self.flow.as_ref().is_some_and(|flow| flow.begins_at(line.number));
-        let ends = Section::After { end_line: line.number, is_reported };
+        let ends = Section::After { end_line: line.number, is_reported: false };
         if !self.rules.dialect.percent_delimits {
             // The name of the program; the name of another program ends this one.
-            if !is_first && self.section == Section::Within {
-                self.section = ends;
-                if visible[1..].trim_ascii().first().is_some_and(u8::is_ascii_alphabetic) {
+            let is_name = visible[1..].trim_ascii().first().is_some_and(u8::is_ascii_alphabetic);
+            self.section = match self.section {
+                Section::Within => ends,
+                section => section,
+            };
+            if let Section::After { end_line, is_reported: false } = self.section
+                && is_name
+                && self.flow.is_some()
+            {
+                if end_line == line.number {
                     self.last_line_without_end = Some(line.number - 1);
                 }
+                // Texts with programs that are called may have further main programs.
+                self.section = Section::After { end_line, is_reported: true };
             }
             return true;
         }

@@ -75,6 +75,7 @@ impl Configuration {
             if is_zenoh {
                 environment.zenoh.session_config = request.zenoh_session(asked)?;
                 environment.zenoh.enclave = request.enclave(asked).to_owned();
+                environment.zenoh.must_be_protected = request.is_enforced;
             } else {
                 enclave = request.dds_enclave(asked)?;
             }

@@ -15,6 +15,8 @@ pub struct ZenohSettings {
     pub router_check: RouterCheck,
     /// The enclave that the node announces; empty: `/`.
     pub enclave: String,
+    /// `ROS_SECURITY_STRATEGY=Enforce`: a session that is not protected is not opened.
+    pub must_be_protected: bool,
 }
 
 /// How long a node waits for a router.
@@ -74,7 +76,13 @@ impl ZenohSettings {
             }
         }
         let session_config = get("ZENOH_SESSION_CONFIG_URI").map(path);
-        Ok(Self { session_config, overrides, router_check, enclave: String::new() })
+        Ok(Self {
+            session_config,
+            overrides,
+            router_check,
+            enclave: String::new(),
+            must_be_protected: false,
+        })
     }
 }
 

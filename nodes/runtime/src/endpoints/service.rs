@@ -79,6 +79,18 @@ enum Answering {
 }
 
 impl Answering {
+    /// There will be no answer.
+    fn forget(&self, to: RequestInfo) {
+        match self {
+            // The client goes by the time.
+            Self::Dds(_) => {}
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(answers) => {
+                answers.forget(RequestId { client: to.client, sequence: to.sequence });
+            }
+        }
+    }
+
     /// Sends an answer, the CDR of a response.
     fn send(&self, to: RequestInfo, response: Vec<u8>) {
         match self {
@@ -148,6 +160,7 @@ impl Server {
             if let Some(answer) = self.reader.valid(answer, info.writer) {
                 return (answer, info);
             }
+            self.answers.forget(info);
         }
     }
 
@@ -163,7 +176,7 @@ impl Server {
     /// Answers requests concurrently, first those that the previous process left; never returns.
     pub(crate) async fn serve_concurrently(mut self, overload: Overload) {
         let mut making = JoinSet::new();
-        let mut oldest_first: VecDeque<AbortHandle> = VecDeque::new();
+        let mut oldest_first: VecDeque<(AbortHandle, RequestInfo)> = VecDeque::new();
         let mut earlier = std::mem::take(&mut self.earlier).into_iter();
         loop {
             let (answer, info) = match earlier.next() {
@@ -176,9 +189,12 @@ impl Server {
                 Overload::DropOldest if oldest_first.len() >= CONCURRENT_MAX => {
                     // Requests that can be answered now are not dropped.
                     tokio::task::yield_now().await;
-                    oldest_first.retain(|task| !task.is_finished());
-                    if oldest_first.len() >= CONCURRENT_MAX {
-                        oldest_first.pop_front().inspect(AbortHandle::abort);
+                    oldest_first.retain(|(task, _)| !task.is_finished());
+                    if oldest_first.len() >= CONCURRENT_MAX
+                        && let Some((task, info)) = oldest_first.pop_front()
+                    {
+                        task.abort();
+                        self.answers.forget(info);
                     }
                 }
                 _ => {}
@@ -186,7 +202,7 @@ impl Server {
             let answers = self.answers.clone();
             let task = making.spawn(async move { answers.send(info, answer.await) });
             if overload == Overload::DropOldest {
-                oldest_first.push_back(task);
+                oldest_first.push_back((task, info));
             }
         }
     }

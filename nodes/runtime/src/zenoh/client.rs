@@ -6,6 +6,7 @@ use crate::samples::sample::{RequestId, Sample, SampleInfo};
 use crate::zenoh::attachment::{Attachment, encapsulated, received};
 use crate::zenoh::discovery::Announced;
 use crate::zenoh::inbox::Inbox;
+use crate::zenoh::link::beside_other_tasks;
 use crate::zenoh::names::gid_of;
 use crate::zenoh::publisher::BYTES_MAX;
 use std::sync::Arc;
@@ -59,17 +60,16 @@ impl Requests {
             wire_gid: self.wire_gid,
         };
         let replies = Arc::clone(&self.replies);
-        self.querier
-            .get()
-            .payload(encapsulated(body))
-            .attachment(attachment.bytes())
-            .callback(move |reply: Reply| {
-                if let Some(item) = sample(&reply, request) {
-                    replies.push(item);
-                }
-            })
-            .wait()
-            .map_err(|error| error.to_string())?;
+        let query =
+            self.querier.get().payload(encapsulated(body)).attachment(attachment.bytes()).callback(
+                move |reply: Reply| {
+                    if let Some(item) = sample(&reply, request) {
+                        drop(replies.push(item));
+                    }
+                },
+            );
+        let sent = beside_other_tasks(|| query.wait());
+        sent.map_err(|error| error.to_string())?;
         Ok(self.sequence)
     }
 }

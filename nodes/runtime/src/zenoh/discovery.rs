@@ -23,6 +23,8 @@ type OnChange = Box<dyn Fn(Change) + Send + Sync>;
 /// The graph of a domain, as this process knows it.
 pub(crate) struct Discovery {
     table: Mutex<Table>,
+    /// Held until a change has been reported, so that a match is never reported after its loss.
+    order: Mutex<()>,
     on_change: OnChange,
 }
 
@@ -48,7 +50,7 @@ impl Discovery {
         on_change: OnChange,
     ) -> Result<(Arc<Self>, Subscriber<()>), ZenohError> {
         let table = Mutex::new(Table::new(&session.zid().to_string()));
-        let discovery = Arc::new(Self { table, on_change });
+        let discovery = Arc::new(Self { table, order: Mutex::default(), on_change });
         let follower = Arc::clone(&discovery);
         let subscriber = session
             .liveliness()
@@ -67,8 +69,10 @@ impl Discovery {
         token: Token,
     ) -> Result<Announced, ZenohError> {
         let (text, gid) = (token.text(), token.gid());
+        let order = lock(&self.order);
         let arrival = lock(&self.table).add_local(token);
         self.report(arrival);
+        drop(order);
         let declared = session.liveliness().declare_token(text.as_str()).wait();
         let declared = declared.map_err(|error| ZenohError::new(&text, &error))?;
         Ok(Announced { discovery: Arc::clone(self), gid, _token: declared })
@@ -83,12 +87,13 @@ impl Discovery {
         lock(&self.table).publishers()
     }
 
-    pub(crate) fn type_hash(&self, type_name: &str) -> Option<String> {
-        lock(&self.table).type_hash(type_name).map(str::to_owned)
+    pub(crate) fn type_hash(&self, topic: &str, type_name: &str) -> Option<String> {
+        lock(&self.table).type_hash(topic, type_name).map(str::to_owned)
     }
 
     fn take(&self, sample: &Sample) {
         let text = sample.key_expr().as_str();
+        let _order = lock(&self.order);
         match sample.kind() {
             SampleKind::Put => {
                 let arrival = lock(&self.table).arrived(text);

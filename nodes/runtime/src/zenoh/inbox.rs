@@ -31,14 +31,14 @@ impl Inbox {
         Arc::new(Self { waiting, depth: depth.max(1), arrived: Notify::new() })
     }
 
-    pub(crate) fn push(&self, item: Item) {
+    /// Returns what is dropped for it.
+    pub(crate) fn push(&self, item: Item) -> Option<Item> {
         let mut waiting = lock(&self.waiting);
-        while waiting.len() >= self.depth {
-            waiting.pop_front();
-        }
+        let dropped = if waiting.len() >= self.depth { waiting.pop_front() } else { None };
         waiting.push_back(item);
         drop(waiting);
         self.arrived.notify_one();
+        dropped
     }
 
     fn take(&self) -> Option<Item> {
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn the_newest_wait_and_the_oldest_go() {
         let inbox = Inbox::new(3);
-        (0..10).for_each(|number| inbox.push(item(number)));
+        (0..10).for_each(|number| drop(inbox.push(item(number))));
         let left: Vec<_> = std::iter::from_fn(|| inbox.take()).filter_map(Result::err).collect();
         assert_eq!(left, ["7", "8", "9"]);
     }

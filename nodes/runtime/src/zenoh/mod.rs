@@ -9,6 +9,7 @@ pub(crate) mod client;
 pub(crate) mod discovery;
 pub(crate) mod error;
 pub(crate) mod inbox;
+pub(crate) mod link;
 pub(crate) mod names;
 pub(crate) mod node;
 pub(crate) mod publisher;

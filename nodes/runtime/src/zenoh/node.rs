@@ -32,6 +32,9 @@ use zenoh_ext::{
 const HEARTBEAT: Duration = Duration::from_millis(500);
 /// How long the result of a goal may take.
 const RESULT_WITHIN: Duration = Duration::from_secs(24 * 3600);
+/// How long any other answer may take: a block by hand is answered when it has been cut. The caller
+/// gives up sooner.
+const ANSWER_WITHIN: Duration = Duration::from_secs(2 * 3600);
 /// Replies that may wait to be taken; as many calls may overlap.
 const REPLIES_MAX: usize = 1000;
 
@@ -68,7 +71,7 @@ impl Node {
     ) -> Result<(Token, String), ZenohError> {
         let type_hash = schema::lookup(type_name)
             .map(|info| info.rihs01.to_owned())
-            .or_else(|| self.discovery.type_hash(type_name))
+            .or_else(|| self.discovery.type_hash(name, type_name))
             .ok_or_else(|| {
                 let reason = format!(
                     "the type hash of {type_name} is not known: it is not built in, and no node \
@@ -129,7 +132,7 @@ impl Node {
         let own_key = key.clone();
         let builder =
             self.session.declare_subscriber(key).callback(move |sample: zenoh::sample::Sample| {
-                filled.push(taken(&sample, &own_key, &discovery));
+                drop(filled.push(taken(&sample, &own_key, &discovery)));
             });
         let source = if qos.transient_local {
             let history = HistoryConfig::default().detect_late_publishers();
@@ -164,7 +167,10 @@ impl Node {
             .complete(true)
             .callback(move |query: Query| {
                 if taking.is_meant(&query) {
-                    filled.push(taking.take(query, &discovery));
+                    let dropped = filled.push(taking.take(query, &discovery));
+                    for request in dropped.into_iter().flatten().filter_map(|it| it.request) {
+                        taking.forget(request);
+                    }
                 }
             })
             .wait()
@@ -182,16 +188,18 @@ impl Node {
         type_name: &str,
     ) -> Result<(Receiver, Requests), ZenohError> {
         let (token, key) = self.endpoint(Kind::Client, name, type_name, Qos::DEFAULT)?;
-        let takes_long = name.ends_with("/_action/get_result");
-        let mut builder = self
+        let within = match name.ends_with("/_action/get_result") {
+            true => RESULT_WITHIN,
+            false => ANSWER_WITHIN,
+        };
+        let querier = self
             .session
             .declare_querier(key)
             .target(QueryTarget::AllComplete)
-            .consolidation(ConsolidationMode::None);
-        if takes_long {
-            builder = builder.timeout(RESULT_WITHIN);
-        }
-        let querier = builder.wait().map_err(|error| ZenohError::new(name, &error))?;
+            .consolidation(ConsolidationMode::None)
+            .timeout(within)
+            .wait()
+            .map_err(|error| ZenohError::new(name, &error))?;
         let (gid, wire_gid) = (token.gid(), wire_gid(&token.text()));
         let announced = self.discovery.announce(&self.session, token)?;
         let inbox = Inbox::new(REPLIES_MAX);

@@ -25,10 +25,7 @@ impl Router {
         let settings = ZenohSettings::read(get).map_err(|error| ZenohError::new(WHAT, &error))?;
         let file = get("ZENOH_ROUTER_CONFIG_URI").map(path);
         let config = of_router(file.as_deref(), &settings.overrides)?;
-        let session = zenoh::open(config).wait().map_err(|error| {
-            let reason = format!("{error} (is another router running?)");
-            ZenohError::new(WHAT, &reason)
-        })?;
+        let session = zenoh::open(config).wait().map_err(|error| ZenohError::new(WHAT, &error))?;
         Ok(Self { session })
     }
 

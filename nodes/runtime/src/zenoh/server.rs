@@ -5,6 +5,7 @@ use crate::process::time::RosTime;
 use crate::samples::sample::{RequestId, Sample, SampleInfo};
 use crate::zenoh::attachment::{Attachment, encapsulated, received};
 use crate::zenoh::discovery::Discovery;
+use crate::zenoh::link::beside_other_tasks;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 use zenoh::Wait;
@@ -69,6 +70,11 @@ impl Answers {
         })
     }
 
+    /// A request that will have no answer: its client hears so.
+    pub(crate) fn forget(&self, request: RequestId) {
+        lock(&self.pending).retain(|waiting| waiting.id != request);
+    }
+
     /// Sends an answer, the CDR of a response. A client that asked a process before this one has to
     /// ask again.
     pub(crate) fn send(&self, to: RequestId, response: &[u8]) {
@@ -79,8 +85,8 @@ impl Answers {
         let Some(Pending { wire_gid, query, .. }) = waiting else { return };
         let source_time = RosTime::wall().as_nanos();
         let attachment = Attachment { sequence: to.sequence, source_time, wire_gid };
-        let sent =
-            query.reply(&*self.key, encapsulated(response)).attachment(attachment.bytes()).wait();
+        let reply = query.reply(&*self.key, encapsulated(response)).attachment(attachment.bytes());
+        let sent = beside_other_tasks(|| reply.wait());
         if let Err(error) = sent {
             tracing::warn!("an answer of {} was not sent: {error}", self.key);
         }

@@ -60,40 +60,56 @@ fn open_checked(config: Config, check: RouterCheck) -> Result<Session, ZenohErro
     let started = Instant::now();
     let mode = text(&config, "mode").unwrap_or_else(|| "peer".to_owned());
     let endpoints = connects_to(&config, &mode);
-    let opened = zenoh::open(config).wait();
-    let session = opened.map_err(|error| {
-        let reason = match endpoints.is_empty() || mode == "router" {
-            true => error.to_string(),
-            false => format!("{}; {error}", no_router(&endpoints)),
-        };
-        ZenohError::new(WHAT, &reason)
-    })?;
-    if mode == "router" {
-        return Ok(session);
-    }
     let deadline = match check {
-        RouterCheck::Skip => return Ok(session),
+        RouterCheck::Skip => Some(Duration::ZERO),
         RouterCheck::Brief => Some(BRIEF),
         RouterCheck::Attempts(count) => Some(Duration::from_secs(count.into())),
         RouterCheck::Endless => None,
     };
+    let is_late = || deadline.is_some_and(|deadline| started.elapsed() >= deadline);
     let mut said: Option<Instant> = None;
-    while session.info().routers_zid().wait().next().is_none() {
-        let waited = started.elapsed();
-        if deadline.is_some_and(|deadline| waited >= deadline) {
-            drop(session.close().wait());
-            return Err(ZenohError::new(WHAT, &no_router(&endpoints)));
-        }
+    let mut say_that_it_waits = || {
         if deadline.is_none()
-            && waited >= BRIEF
+            && started.elapsed() >= BRIEF
             && said.is_none_or(|said| said.elapsed() >= SAY_AGAIN)
         {
             said = Some(Instant::now());
             tracing::warn!("{}; waiting for one", no_router(&endpoints));
         }
+    };
+    // A client has no session before its router is there.
+    let session = loop {
+        let error = match zenoh::open(config.clone()).wait() {
+            Ok(session) => break session,
+            Err(error) => error,
+        };
+        if mode != "client" || is_late() || endpoints.iter().any(|it| is_taken(it)) {
+            let reason = match endpoints.is_empty() || mode == "router" {
+                true => error.to_string(),
+                false => format!("{}; {error}", no_router(&endpoints)),
+            };
+            return Err(ZenohError::new(WHAT, &reason));
+        }
+        say_that_it_waits();
+        std::thread::sleep(LOOK_AGAIN);
+    };
+    if mode == "router" || check == RouterCheck::Skip {
+        return Ok(session);
+    }
+    while session.info().routers_zid().wait().next().is_none() {
+        if is_late() {
+            drop(session.close().wait());
+            return Err(ZenohError::new(WHAT, &no_router(&endpoints)));
+        }
+        say_that_it_waits();
         std::thread::sleep(LOOK_AGAIN);
     }
     Ok(session)
+}
+
+/// Whether something listens at an address, so that waiting does not help.
+fn is_taken(endpoint: &str) -> bool {
+    reach(endpoint).is_ok()
 }
 
 /// That there is no router, what is at its place instead, and how to start one.
@@ -119,30 +135,32 @@ fn no_router_of(tried: &[String]) -> String {
 
 /// What is at an address.
 fn probe(endpoint: &str) -> String {
+    match reach(endpoint) {
+        Ok("tls") => {
+            "something listens there, but the two did not accept each other's certificates".into()
+        }
+        Ok(_) => "something listens there, but is no router of Zenoh".to_owned(),
+        Err(failure) => failure,
+    }
+}
+
+/// Connects to an address; returns its protocol.
+fn reach(endpoint: &str) -> Result<&str, String> {
     let Some((protocol, address)) = endpoint.split_once('/') else {
-        return "it is no address: PROTOCOL/HOST:PORT is needed".to_owned();
+        return Err("it is no address: PROTOCOL/HOST:PORT is needed".to_owned());
     };
     if !matches!(protocol, "tcp" | "tls") {
-        return format!("{protocol} is not built in: tcp and tls are");
+        return Err(format!("{protocol} is not built in: tcp and tls are"));
     }
     let address = address.split(['?', '#']).next().unwrap_or_default();
-    let addresses = match address.to_socket_addrs() {
-        Ok(addresses) => addresses,
-        Err(error) => return error.to_string(),
-    };
     let mut failure = "the name has no address".to_owned();
-    for address in addresses {
+    for address in address.to_socket_addrs().map_err(|error| error.to_string())? {
         match TcpStream::connect_timeout(&address, PROBE) {
-            Ok(_) if protocol == "tls" => {
-                return "something listens there, but the two did not accept each other's \
-                        certificates"
-                    .to_owned();
-            }
-            Ok(_) => return "something listens there, but is no router of Zenoh".to_owned(),
+            Ok(_) => return Ok(protocol),
             Err(error) => failure = error.to_string(),
         }
     }
-    failure
+    Err(failure)
 }
 
 #[cfg(test)]

@@ -54,7 +54,40 @@ pub(crate) fn of_session(settings: &ZenohSettings) -> Result<Config, ZenohError>
     set(&mut config, "timestamping/enabled", "{ router: true, peer: true, client: true }")
         .map_err(|reason| ZenohError::new("a session of Zenoh", &reason))?;
     certificates_are_there(&config)?;
+    if settings.must_be_protected {
+        let protected = set(&mut config, "transport/link/protocols", r#"["tls"]"#);
+        protected.and_then(|()| is_protected(&config)).map_err(|reason| {
+            let reason = format!(
+                "ROS_SECURITY_STRATEGY=Enforce: {reason}; the files of make_keystore.py have it, unless \
+                 ZENOH_CONFIG_OVERRIDE changes it"
+            );
+            ZenohError::new("a session of Zenoh", &reason)
+        })?;
+    }
     Ok(config)
+}
+
+/// Whether a session talks to those alone that have a certificate, or what it lacks.
+fn is_protected(config: &Config) -> Result<(), String> {
+    const TLS: &str = "transport/link/tls";
+    let mode = text(config, "mode").unwrap_or_else(|| "peer".to_owned());
+    let open = |key| endpoints(config, key, &mode).into_iter().find(|it| !it.starts_with("tls/"));
+    for key in ["connect/endpoints", "listen/endpoints"] {
+        // A client listens nowhere.
+        if let Some(endpoint) = open(key).filter(|_| key == "connect/endpoints" || mode != "client")
+        {
+            return Err(format!("{key} has {endpoint}, which is not tls/HOST:PORT"));
+        }
+    }
+    if text(config, &format!("{TLS}/root_ca_certificate")).is_none() {
+        return Err(format!("{TLS}/root_ca_certificate is not set"));
+    }
+    let asks_for_certificates =
+        config.get_json(&format!("{TLS}/enable_mtls")).is_ok_and(|json| json.trim() == "true");
+    if mode != "client" && !asks_for_certificates {
+        return Err(format!("{TLS}/enable_mtls is not true, and a {mode} lets others connect"));
+    }
+    Ok(())
 }
 
 /// The configuration of a router.
@@ -124,7 +157,11 @@ pub(crate) fn text(config: &Config, key: &str) -> Option<String> {
 
 /// Where a session looks for others: the endpoints of its mode.
 pub(crate) fn connects_to(config: &Config, mode: &str) -> Vec<String> {
-    let Ok(json) = config.get_json("connect/endpoints") else { return Vec::new() };
+    endpoints(config, "connect/endpoints", mode)
+}
+
+fn endpoints(config: &Config, key: &str, mode: &str) -> Vec<String> {
+    let Ok(json) = config.get_json(key) else { return Vec::new() };
     // A list, or a list for each mode.
     match serde_yaml::from_str::<serde_yaml::Value>(&json) {
         Ok(serde_yaml::Value::Sequence(all)) => texts(&all),
@@ -154,6 +191,47 @@ mod tests {
     fn session(file: Option<&Path>) -> Result<Config, ZenohError> {
         let session_config = file.map(Path::to_owned);
         of_session(&ZenohSettings { session_config, ..Default::default() })
+    }
+
+    #[test]
+    fn a_session_that_must_be_protected_talks_to_those_with_certificates_alone() {
+        let certificate = file("");
+        let root = certificate.path().display();
+        let tls =
+            format!(r#"transport: {{ link: {{ tls: {{ root_ca_certificate: "{root}" }} }} }}"#);
+        let client = format!(
+            r#"{{ mode: "client", connect: {{ endpoints: ["tls/localhost:7447"] }}, {tls} }}"#
+        );
+        let peer = format!(
+            r#"{{ mode: "peer", listen: {{ endpoints: ["tls/localhost:7447"] }}, {tls} }}"#
+        );
+        let open = [("connect/endpoints".to_owned(), r#"["tcp/localhost:7447"]"#.to_owned())];
+        let no_root = client.replace("root_ca_certificate", "connect_certificate");
+        for (session, overrides, problem) in [
+            (client.as_str(), &[][..], None),
+            (&client, &open[..], Some("connect/endpoints has tcp/localhost:7447")),
+            ("{}", &[], Some("is not tls/HOST:PORT")),
+            (&no_root, &[], Some("root_ca_certificate is not set")),
+            (&peer, &[], Some("enable_mtls is not true")),
+        ] {
+            let written = file(session);
+            let settings = ZenohSettings {
+                session_config: Some(written.path().to_owned()),
+                overrides: overrides.to_vec(),
+                must_be_protected: true,
+                ..ZenohSettings::default()
+            };
+            match (of_session(&settings), problem) {
+                (Ok(config), None) => {
+                    assert_eq!(endpoints(&config, "connect/endpoints", "client").len(), 1);
+                }
+                (Err(error), Some(problem)) => {
+                    let text = error.to_string();
+                    assert!(text.contains(problem) && text.contains("Enforce"), "{text}");
+                }
+                (got, problem) => panic!("{session}: {got:?} and not {problem:?}"),
+            }
+        }
     }
 
     #[test]

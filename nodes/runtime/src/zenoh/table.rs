@@ -86,11 +86,12 @@ impl Table {
         Some(arrival)
     }
 
-    /// The token of another process has gone; returns whose it was.
+    /// The token of another process has gone; returns whose it was. None as long as another token
+    /// announces the same endpoint: any peer can announce that of another, and take it back.
     pub(crate) fn left(&mut self, text: &str) -> Option<Gid> {
         let gid = self.remotes.remove(text)?.gid();
         self.gids.remove(&wire_gid(text));
-        Some(gid)
+        self.remotes.values().all(|token| token.gid() != gid).then_some(gid)
     }
 
     /// The address here of an endpoint that is known; that which travels, of any other.
@@ -104,10 +105,11 @@ impl Table {
         publishers.filter_map(|token| Some((token.topic.clone()?, token.gid()))).collect()
     }
 
-    /// The hash of a type as the endpoints of others announce it.
-    pub(crate) fn type_hash(&self, type_name: &str) -> Option<&str> {
-        let mut topics = self.remotes.values().filter_map(|token| token.topic.as_ref());
-        let found = topics.find(|topic| topic.type_name == type_name)?;
+    /// The hash of a type as the endpoints of others announce it, those of this topic before others.
+    pub(crate) fn type_hash(&self, topic: &str, type_name: &str) -> Option<&str> {
+        let topics = self.remotes.values().filter_map(|token| token.topic.as_ref());
+        let of_type = topics.filter(|known| known.type_name == type_name);
+        let found = of_type.max_by_key(|known| known.name == topic)?;
         Some(&found.type_hash)
     }
 }
@@ -246,8 +248,8 @@ mod tests {
         table.arrived(&theirs.text());
         assert_eq!(table.gid_of(wire), theirs.gid());
         assert_eq!(table.publishers().len(), 1);
-        assert_eq!(table.type_hash(STATE), Some("RIHS01_a"));
-        assert_eq!(table.type_hash("std_msgs/msg/Bool"), None);
+        assert_eq!(table.type_hash("/state", STATE), Some("RIHS01_a"));
+        assert_eq!(table.type_hash("/state", "std_msgs/msg/Bool"), None);
         table.left(&theirs.text());
         assert_eq!(table.gid_of(wire), Gid(wire));
         assert!(table.publishers().is_empty());
