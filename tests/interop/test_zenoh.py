@@ -6,7 +6,6 @@ Needs a `kerf` with the feature `zenoh`.
 import os
 import socket
 import subprocess
-import sys
 import time
 
 import pytest
@@ -257,39 +256,6 @@ def test_an_answer_may_take_longer_than_a_query_does_by_default(machine):
                  KERF_RUNTIME_DIR=str(machine.folder / 'no_sockets'))
     assert answer.returncode == 0, answer.stdout + answer.stderr
     assert time.monotonic() - since > 2.5
-
-
-# Asks for more than a link holds, then takes nothing in.
-STOPPED = """
-import os, signal, sys
-sys.path[:0] = sys.argv[1:2]
-import ros2_zenoh
-node = ros2_zenoh.Node('stopped', sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
-chunks = node.client('cnc_msgs/srv/GetProgramChunks', 'program/get_chunks').wait_for_service()
-for _ in range(400):
-    chunks.send(program_id=sys.argv[5], first=0)
-os.kill(os.getpid(), signal.SIGSTOP)
-"""
-
-
-def test_a_client_that_takes_nothing_in_holds_no_node_up(machine, node):
-    text = 'G21 G90 G94 G17\n' + 'G1 X10 F1200\nX110\n' * 30_000 + 'M30\n'
-    answer, _ = load(node, text=text, name='large.ngc')
-    stopped = subprocess.Popen([
-        sys.executable, '-B', '-c', STOPPED, os.path.dirname(__file__), machine.namespace,
-        str(machine.domain_id), str(machine.port), answer.program_id], preexec_fn=die_with_parent)
-    try:
-        until('the client to be stopped', lambda: 'T' in open(
-            f'/proc/{stopped.pid}/stat').read().rpartition(')')[2].split()[0])
-        state = node.client('lifecycle_msgs/srv/GetState', 'program_loader/get_state')
-        # Zenoh gives a link up after 5 s, and one worker of a node after the other would wait so long.
-        for _ in range(20):
-            since = time.monotonic()
-            assert state.call().current_state.label == 'active'
-            assert time.monotonic() - since < 3
-    finally:
-        stopped.kill()
-        stopped.wait()
 
 
 def test_the_commands_speak_zenoh_too(machine):
