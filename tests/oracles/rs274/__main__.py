@@ -44,7 +44,7 @@ TIMEOUT_S = 60
 # LinuxCNC joins shallow corners with a straight, and prints four decimals of inches.
 COMPENSATED_MM = 0.004
 # Kerf gives up after two seconds; a debug build on a busy computer takes longer.
-ENDLESS_S = 60
+ENDLESS_S = 300
 OUTCOMES = ["agree", "both refuse", "Kerf refuses", "Kerf takes", "differ", "on purpose"]
 # Every sort of change that the comparison must notice, so that it can fail.
 CHANGES = ["a move aside", "a move left out", "a move twice", "another kind", "another feed",
