@@ -9,8 +9,9 @@ MachineState = message('cnc_msgs/msg/MachineState')
 
 # A square of 40 mm, some tenths of a second of a machine in a hurry.
 QUICK = 'G21 G90 G94 G17\nG0 X5 Y5\nG1 X45 F6000\nY45\nX5\nY5\nM30\n'
-# Six times there and back, 100 mm at 20 mm/s: six seconds of a machine in a hurry.
-SLOW = 'G21 G90 G94 G17\nG0 X10 Y10\nG1 X110 F1200\nX10\n' + 'X110\nX10\n' * 5 + 'M30\n'
+# Ten times there and back, 100 mm at 20 mm/s: ten seconds of a machine in a hurry, as a busy host may take some to
+# find a new subscription.
+SLOW = 'G21 G90 G94 G17\nG0 X10 Y10\nG1 X110 F1200\nX10\n' + 'X110\nX10\n' * 9 + 'M30\n'
 
 
 def load(node, timeout=60.0, **request):

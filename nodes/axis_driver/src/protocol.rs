@@ -16,7 +16,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Of all messages in this file.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 /// The longest message, bytes: a chunk of a path takes 60 kB, a record of a single block more.
 pub const FRAME_BYTES_MAX: usize = 1 << 20;
 /// Bytes of the length before each message.
@@ -212,8 +212,9 @@ impl Deframer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::driver::{LogLevel, RunOutcome, RunResult};
+    use crate::driver::{LogLevel, MoveResult, RunOutcome, RunResult};
     use crate::journal::EntryKind;
+    use cnc_msgs::further::FurtherAxes;
     use cnc_msgs::machine::Mode;
 
     fn to_face() -> Vec<ToFace> {
@@ -233,6 +234,16 @@ mod tests {
             last_line: 4,
             blamed_line: 0,
             last_occurrence: 2,
+        };
+        let jog = |further| MoveResult {
+            id: 8,
+            outcome: RunOutcome::Succeeded,
+            error_code: 0,
+            message: "done".into(),
+            machine_position: Some([1.0, 2.0, 3.0]),
+            work_position: None,
+            further,
+            found: false,
         };
         let entry = |sequence, kind, data: &[u8]| Entry {
             sequence,
@@ -255,6 +266,11 @@ mod tests {
             ToFace::Restored,
             ToFace::Event { at_ns: 1, output: Output::State(state) },
             ToFace::Event { at_ns: 2, output: Output::RunFinished(result) },
+            ToFace::Event { at_ns: 2, output: Output::MoveFinished(jog(FurtherAxes::NONE)) },
+            ToFace::Event {
+                at_ns: 2,
+                output: Output::MoveFinished(jog(FurtherAxes::NONE.with(2, -7.5))),
+            },
             ToFace::Event { at_ns: 3, output: Output::Reply { id: 4, result: Err(refusal) } },
             ToFace::Event {
                 at_ns: 4,

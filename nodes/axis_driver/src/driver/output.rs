@@ -63,7 +63,6 @@ pub struct MoveResult {
     /// The same in the work frame.
     pub work_position: Option<Position>,
     /// Where the further axes stand after a jog; machine frame.
-    #[serde(default, skip_serializing_if = "FurtherAxes::is_empty")]
     pub further: FurtherAxes,
     /// Whether the probe touched, or released.
     pub found: bool,
