@@ -80,14 +80,14 @@ enum Answering {
 
 impl Answering {
     /// There will be no answer.
-    fn forget(&self, to: RequestInfo) {
+    fn forget(&self, RequestInfo { client, sequence, .. }: RequestInfo) {
+        let request = RequestId { client, sequence };
         match self {
-            // The client goes by the time.
-            Self::Dds(_) => {}
-            #[cfg(feature = "zenoh")]
-            Self::Zenoh(answers) => {
-                answers.forget(RequestId { client: to.client, sequence: to.sequence });
+            Self::Dds(_) => {
+                tracing::debug!("{request:?} has no answer; its client goes by the time")
             }
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(answers) => answers.forget(request),
         }
     }
 
