@@ -24,6 +24,17 @@ def load(node, timeout=60.0, **request):
     return answer, path
 
 
+def path_chunks(node, path):
+    """All chunks of a path."""
+    client = node.client('cnc_msgs/srv/GetPathChunks', 'compensated_path/get_chunks')
+    chunks = []
+    while len(chunks) < path.chunk_count:
+        answer = client.call(first=len(chunks), program_id=path.program_id, revision=path.revision)
+        assert answer.success, answer.message
+        chunks += answer.chunks
+    return chunks
+
+
 def load_demo(node):
     """The contour of the demo."""
     return load(node, text=CONTOUR.read_text(), name=CONTOUR.name, control='sinumerik_840c')

@@ -15,7 +15,8 @@ import zenoh
 from zenoh import ext
 
 from ros2 import interfaces
-from ros2.node import DEFAULT, TIMEOUT, until
+from ros2.node import DEFAULT, Waiting, until
+from ros2.services import Calling
 
 
 def config(mode, connect=(), listen=(), **settings):
@@ -142,7 +143,7 @@ class Publisher:
         return self
 
 
-class Subscription:
+class Subscription(Waiting):
     """`node.create_subscription`, polled."""
 
     def __init__(self, node, kind, topic, qos):
@@ -167,22 +168,6 @@ class Subscription:
         """All that has arrived and was not taken before."""
         return list(self._one_by_one())
 
-    def wait(self, what=lambda _: True, timeout=TIMEOUT):
-        """The first message from now on for which `what` holds."""
-        return until(f'a message on {self.topic}', lambda: next(
-            (found for found in self._one_by_one() if what(found)), None), timeout)
-
-    def newest(self, timeout=TIMEOUT):
-        """The newest of those that are there, or the next one."""
-        return until(f'a message on {self.topic}', lambda: (self.take() or [None])[-1], timeout)
-
-    def collect(self, count, timeout=TIMEOUT):
-        """So many messages."""
-        got = []
-        until(f'{count} messages on {self.topic}',
-              lambda: got.extend(self.take()) or len(got) >= count, timeout)
-        return got
-
     def _one_by_one(self):
         while not self._samples.empty():
             sample = self._samples.get()
@@ -192,7 +177,7 @@ class Subscription:
             yield self.kind.deserialize(sample.payload.to_bytes())
 
 
-class Client:
+class Client(Calling):
     """`node.create_client`."""
 
     def __init__(self, node, kind, name, type_hash):
@@ -211,10 +196,6 @@ class Client:
         is_announced = any(token[11] == self.type_hash for token in self.node.others('SS', self.name))
         return is_announced and self._querier.matching_status.matching
 
-    def wait_for_service(self, timeout=TIMEOUT):
-        until(f'the service {self.name}', self.is_ready, timeout)
-        return self
-
     def send(self, request=None, **fields):
         """Asks; the answer is had by the number that is returned."""
         number = next(self._numbers)
@@ -232,11 +213,3 @@ class Client:
     def answer(self, number):
         """The answer to this request if it is there."""
         return self._answers.get(number)
-
-    def wait(self, number, timeout=TIMEOUT):
-        return until(f'an answer of {self.name}', lambda: self.answer(number), timeout)
-
-    def call(self, request=None, timeout=TIMEOUT, **fields):
-        """`client.call`: asks and waits for the answer."""
-        self.wait_for_service()
-        return self.wait(self.send(request, **fields), timeout)

@@ -13,7 +13,7 @@ import pytest
 import ros2_zenoh
 from contract import COMMON_SERVICES, NODES, SERVICES, TOPICS, TRIGGERS
 from machine import Machine as OverDds, die_with_parent, kerf
-from programs import QUICK, SLOW, MachineState, load, load_demo, until_state
+from programs import QUICK, SLOW, MachineState, load, load_demo, path_chunks, until_state
 from ros2 import (LATCHED, ActionClient, NoAnswer, ParameterClient, interfaces, message,
                   until)
 from ros2.lifecycle import LifecycleClient, Transition
@@ -128,12 +128,7 @@ LATCHED_QOS = (True, True)
 def test_a_long_program_and_its_path_pass(node):
     moves = ''.join(f'X{number % 300}.{number % 10} Y{number % 7}\n' for number in range(4000))
     _, path = load(node, text=f'G21 G90 G1 F600\n{moves}M30\n', name='long.ngc')
-    client = node.client('cnc_msgs/srv/GetPathChunks', 'compensated_path/get_chunks')
-    chunks = []
-    while len(chunks) < path.chunk_count:
-        answer = client.call(first=len(chunks), program_id=path.program_id, revision=path.revision)
-        assert answer.success, answer.message
-        chunks += answer.chunks
+    chunks = path_chunks(node, path)
     assert sum(len(chunk.elements) for chunk in chunks) == path.element_count > 3000
 
 

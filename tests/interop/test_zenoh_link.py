@@ -8,7 +8,7 @@ import pytest
 
 import ros2_zenoh
 from machine import die_with_parent, kerf
-from programs import QUICK, SLOW, MachineState, load, until_state
+from programs import QUICK, SLOW, MachineState, load, path_chunks, until_state
 from ros2 import LATCHED, ActionClient, until
 from slow_link import Link
 from test_zenoh import Machine as OneRouter, built_in, free_port
@@ -81,12 +81,7 @@ def test_a_program_is_loaded_run_and_held_over_the_link(machine, node):
 def test_a_long_path_comes_whole(node):
     moves = ''.join(f'X{number % 300}.{number % 10} Y{number % 7}\n' for number in range(30_000))
     _, path = load(node, text=f'G21 G90 G1 F600\n{moves}M30\n', name='long.ngc')
-    client = node.client('cnc_msgs/srv/GetPathChunks', 'compensated_path/get_chunks')
-    chunks = []
-    while len(chunks) < path.chunk_count:
-        answer = client.call(first=len(chunks), program_id=path.program_id, revision=path.revision)
-        assert answer.success, answer.message
-        chunks += answer.chunks
+    chunks = path_chunks(node, path)
     assert [chunk.index for chunk in chunks] == list(range(path.chunk_count))
     assert sum(len(chunk.elements) for chunk in chunks) == path.element_count > 29_000
 

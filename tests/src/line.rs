@@ -4,9 +4,11 @@
 //! thread, no clock. An hour of machine time takes as long as its events do.
 
 use axis_driver::driver::{
-    Command, Driver, DriverConfig, Input, MoveResult, Output, Refusal, RunRequest, RunResult,
+    Command, Driver, DriverConfig, Input, MoveResult, OffsetRequest, Output, Refusal, RunRequest,
+    RunResult,
 };
 use cnc_msgs::contour::{Action, Source};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Shape};
 use cnc_msgs::machine::{MachineState, Mode};
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
@@ -248,6 +250,13 @@ impl Line {
             self.step();
             false
         }
+    }
+
+    /// The place of the tool is the zero of G54.
+    pub fn zero_here(&mut self) {
+        let (axes, position, further) = (AxisSet::ALL, [0.0; 3], FurtherAxes::NONE);
+        let request = OffsetRequest { system: 1, axes, position, is_origin: false, further };
+        self.ask(Command::SetWorkOffset(request)).expect("the zero is set");
     }
 
     /// Runs a path to its end.

@@ -42,14 +42,7 @@ fn board(firmware: Firmware, axes: &str) -> Line {
     let settings = Settings::small_router_of(firmware).with_axes(axes.parse().expect("axes"));
     let start_in_machine = Some([-300.0, -200.0, -50.0]);
     let mut line = Line::connected(Build { start_in_machine, ..Build::new(settings) });
-    line.ask(Command::SetWorkOffset(OffsetRequest {
-        further: FurtherAxes::NONE,
-        system: 1,
-        axes: AxisSet::ALL,
-        position: [0.0; 3],
-        is_origin: false,
-    }))
-    .expect("the zero is set");
+    line.zero_here();
     line
 }
 

@@ -2,8 +2,8 @@
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
-    Command, DriverConfig, JogFrame, JogRequest, OffsetRequest, OnPathDeviation, Overrides,
-    ProbeRequest, RunOutcome,
+    Command, DriverConfig, JogFrame, JogRequest, OnPathDeviation, Overrides, ProbeRequest,
+    RunOutcome,
 };
 use axis_driver::firmware;
 use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
@@ -91,14 +91,7 @@ fn a_board_with_a_small_buffer_is_believed_and_never_over_filled() {
 fn a_program_of_everything_runs_on_every_family() {
     for firmware in Firmware::ALL {
         let mut line = connected(firmware);
-        line.ask(Command::SetWorkOffset(OffsetRequest {
-            further: FurtherAxes::NONE,
-            system: 1,
-            axes: AxisSet::ALL,
-            position: [0.0; 3],
-            is_origin: false,
-        }))
-        .unwrap();
+        line.zero_here();
         line.start(everything(), 0);
         line.until("it turns", |line| line.state().spindle == Some(SpindleMode::CounterClockwise));
         line.until("it is wet", |line| line.state().flood);
@@ -270,14 +263,7 @@ fn check_mode_reads_every_line_moves_nothing_and_ends_in_a_reset() {
         };
         let mut line = Line::new(config.clone(), build(firmware), &[]);
         line.until("a place", |line| line.state().work_position.is_some());
-        line.ask(Command::SetWorkOffset(OffsetRequest {
-            further: FurtherAxes::NONE,
-            system: 1,
-            axes: AxisSet::ALL,
-            position: [0.0; 3],
-            is_origin: false,
-        }))
-        .unwrap();
+        line.zero_here();
         line.ask(check(everything())).unwrap();
         line.until("check mode", |line| line.mode() == Mode::Check);
         let result = line.result();

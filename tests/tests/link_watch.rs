@@ -4,10 +4,9 @@
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
-    Command, DriverConfig, OffsetRequest, OnPathDeviation, ProbeRequest, RunOutcome, RunResult,
+    Command, DriverConfig, OnPathDeviation, ProbeRequest, RunOutcome, RunResult,
 };
 use cnc_msgs::contour::{Action, SpindleMode};
-use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::machine::{LinkWatch, Mode};
 use cnc_msgs::path::CompensatedPath;
@@ -39,14 +38,7 @@ fn connected(firmware: Firmware, mask: u16, config: DriverConfig) -> Line {
     let build = Build { start_in_machine, probe_surface_z_mm: Some(-55.0), ..Build::new(settings) };
     let mut line = Line::new(config, build, &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
-    let zero = OffsetRequest {
-        further: FurtherAxes::NONE,
-        system: 1,
-        axes: AxisSet::ALL,
-        position: [0.0; 3],
-        is_origin: false,
-    };
-    line.ask(Command::SetWorkOffset(zero)).unwrap();
+    line.zero_here();
     line
 }
 

@@ -12,25 +12,8 @@ use std::time::Duration;
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn samples_arrive_in_order_with_sender_number_and_times() {
     let (left, right) = (start("left", domain(0)), start("right", domain(0)));
-    let publisher = left.handle().publisher::<Text>("chatter", Qos::DEFAULT).expect("publisher");
-    let qos = Qos::DEFAULT.with_depth(1000);
-    let mut subscription = right.handle().subscription::<Text>("chatter", qos).expect("reader");
-    assert!(soon("a match", publisher.wait_for_subscriber(common::PATIENCE)).await);
-    tokio::time::sleep(Duration::from_millis(200)).await;
-    for index in 0..100 {
-        assert!(publisher.publish(Text { data: format!("{index}") }));
-    }
-    for index in 0..100 {
-        let (text, info) = soon("a sample", subscription.next()).await;
-        assert_eq!(text.data, format!("{index}"));
-        assert_eq!(info.publisher, publisher.gid());
-        assert_eq!(info.sequence, index + 1);
-        assert!(info.source_time.expect("stamped") <= info.reception_time);
-    }
     // The biggest message that the stack sends.
-    let big = "x".repeat(59_000);
-    assert!(publisher.publish(Text { data: big.clone() }));
-    assert_eq!(soon("the big one", subscription.next()).await.0.data, big);
+    let (publisher, subscription) = common::samples_pass(&left, &right, 59_000).await;
     drop((publisher, subscription));
     left.stop().await;
     right.stop().await;

@@ -232,23 +232,8 @@ class Publisher:
         return self
 
 
-class Subscription:
-    """`node.create_subscription`, polled."""
-
-    def __init__(self, node, kind, topic, qos):
-        self.topic, self.kind = topic, kind
-        self._reader = node.reader(f'rt{topic}', kind, qos)
-
-    def publisher_count(self):
-        return len(self._reader.get_matched_publications())
-
-    def wait_for_publishers(self, count=1):
-        until(f'{count} publishers of {self.topic}', lambda: self.publisher_count() >= count)
-        return self
-
-    def take(self):
-        """All that has arrived and was not taken before."""
-        return [sample for sample in self._reader.take(N=1000) if isinstance(sample, self.kind)]
+class Waiting:
+    """Waits for messages, whatever brings them: needs `topic`, `take` and `_one_by_one`."""
 
     def wait(self, what=lambda _: True, timeout=TIMEOUT):
         """The first message from now on for which `what` holds."""
@@ -265,6 +250,25 @@ class Subscription:
         until(f'{count} messages on {self.topic}',
               lambda: got.extend(self.take()) or len(got) >= count, timeout)
         return got
+
+
+class Subscription(Waiting):
+    """`node.create_subscription`, polled."""
+
+    def __init__(self, node, kind, topic, qos):
+        self.topic, self.kind = topic, kind
+        self._reader = node.reader(f'rt{topic}', kind, qos)
+
+    def publisher_count(self):
+        return len(self._reader.get_matched_publications())
+
+    def wait_for_publishers(self, count=1):
+        until(f'{count} publishers of {self.topic}', lambda: self.publisher_count() >= count)
+        return self
+
+    def take(self):
+        """All that has arrived and was not taken before."""
+        return [sample for sample in self._reader.take(N=1000) if isinstance(sample, self.kind)]
 
     def _one_by_one(self):
         while True:

@@ -10,7 +10,23 @@ from . import interfaces
 from .node import TIMEOUT, SERVICES, until
 
 
-class Client:
+class Calling:
+    """Calls a service, whatever carries it: needs `name`, `is_ready`, `send` and `answer`."""
+
+    def wait_for_service(self, timeout=TIMEOUT):
+        until(f'the service {self.name}', self.is_ready, timeout)
+        return self
+
+    def wait(self, number, timeout=TIMEOUT):
+        return until(f'an answer of {self.name}', lambda: self.answer(number), timeout)
+
+    def call(self, request=None, timeout=TIMEOUT, **fields):
+        """`client.call`: asks and waits for the answer."""
+        self.wait_for_service()
+        return self.wait(self.send(request, **fields), timeout)
+
+
+class Client(Calling):
     """`node.create_client`."""
 
     def __init__(self, node, kind, name):
@@ -33,10 +49,6 @@ class Client:
         return bool(self._requests.get_matched_subscriptions()
                     and self._replies.get_matched_publications())
 
-    def wait_for_service(self, timeout=TIMEOUT):
-        until(f'the service {self.name}', self.is_ready, timeout)
-        return self
-
     def send(self, request=None, **fields):
         """Asks; the answer is had by the number that is returned."""
         number = next(self._numbers)
@@ -50,14 +62,6 @@ class Client:
             if isinstance(reply, self._reply_kind) and reply.client == self._me:
                 self._answers[reply.sequence] = reply.body
         return self._answers.get(number)
-
-    def wait(self, number, timeout=TIMEOUT):
-        return until(f'an answer of {self.name}', lambda: self.answer(number), timeout)
-
-    def call(self, request=None, timeout=TIMEOUT, **fields):
-        """`client.call`: asks and waits for the answer."""
-        self.wait_for_service()
-        return self.wait(self.send(request, **fields), timeout)
 
 
 class Service:

@@ -1,8 +1,7 @@
 //! Machines and parts that the tests cut, and the numbers that they are drawn from.
 
-use axis_driver::driver::{Command, DriverConfig, OffsetRequest, OnPathDeviation};
+use axis_driver::driver::{DriverConfig, OnPathDeviation};
 use cnc_msgs::contour::{Action, Source, SpindleMode};
-use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
@@ -57,14 +56,7 @@ pub(crate) fn built(build: Build, config: DriverConfig) -> Line {
     let build = Build { start_in_machine: Some(START), ..build };
     let mut line = Line::new(config, build, &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
-    let zero = OffsetRequest {
-        further: FurtherAxes::NONE,
-        system: 1,
-        axes: AxisSet::ALL,
-        position: [0.0; 3],
-        is_origin: false,
-    };
-    line.ask(Command::SetWorkOffset(zero)).expect("the work zero is set");
+    line.zero_here();
     line
 }
 

@@ -6,7 +6,7 @@ use runtime::configuration::Configuration;
 use runtime::environment::DiscoveryRange;
 use runtime::interface::{Action, Message, Service};
 use runtime::parameters::Declared;
-use runtime::{ServiceMapping, Session};
+use runtime::{Publisher, Qos, ServiceMapping, Session, Subscription};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -96,4 +96,31 @@ pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
         Ok(value) => value,
         Err(_) => panic!("{what} did not come within {PATIENCE:?}"),
     }
+}
+
+/// A hundred samples and a big one pass in order, each with its sender, number and times.
+pub async fn samples_pass(
+    left: &Session,
+    right: &Session,
+    big: usize,
+) -> (Publisher<Text>, Subscription<Text>) {
+    let publisher = left.handle().publisher::<Text>("chatter", Qos::DEFAULT).expect("publisher");
+    let qos = Qos::DEFAULT.with_depth(1000);
+    let mut subscription = right.handle().subscription::<Text>("chatter", qos).expect("reader");
+    assert!(soon("a match", publisher.wait_for_subscriber(PATIENCE)).await);
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    for index in 0..100 {
+        assert!(publisher.publish(Text { data: format!("{index}") }));
+    }
+    for index in 0..100 {
+        let (text, info) = soon("a sample", subscription.next()).await;
+        assert_eq!(text.data, format!("{index}"));
+        assert_eq!(info.publisher, publisher.gid());
+        assert_eq!(info.sequence, index + 1);
+        assert!(info.source_time.expect("stamped") <= info.reception_time);
+    }
+    let big = "x".repeat(big);
+    assert!(publisher.publish(Text { data: big.clone() }));
+    assert_eq!(soon("the big one", subscription.next()).await.0.data, big);
+    (publisher, subscription)
 }
