@@ -2,8 +2,8 @@
 //!
 //! [`yaml`] bounds what a text may cost before the parser sees it. [`text`] makes a text
 //! safe to show. `file` opens only regular files and stops at a limit. `folders` looks up
-//! a name from a peer in configured folders. `file` and `folders` need the feature `files`,
-//! which cores do not enable.
+//! a name from a peer in configured folders. `replace` writes a file back, whole or not at all.
+//! `file`, `folders` and `replace` need the feature `files`, which cores do not enable.
 
 #[cfg(feature = "files")]
 pub mod arguments;
@@ -12,5 +12,7 @@ pub mod file;
 #[cfg(feature = "files")]
 pub mod folders;
 pub mod nearest;
+#[cfg(feature = "files")]
+pub mod replace;
 pub mod text;
 pub mod yaml;

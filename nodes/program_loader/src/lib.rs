@@ -52,6 +52,7 @@ use findings::Findings;
 use flow::FlowMap;
 use interpreter::{Interpreter, code_in_tenths};
 use limits::FlowLimits;
+use parameter_file::Left;
 use reader::Reader;
 use rules::Rules;
 use std::collections::{BTreeMap, BTreeSet};
@@ -82,6 +83,9 @@ pub struct Loaded {
     pub bounds: Option<Bounds>,
     /// The tools that M61 says are in the spindle, without a change.
     pub named_tools: Vec<(u32, Source)>,
+    /// What the program leaves to the next one, where it differs from the values that it began with
+    /// ([`parameter_file`]).
+    pub left: Vec<Left>,
 }
 
 impl Loaded {
@@ -202,22 +206,25 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     if findings.has_error() {
         return refused(findings);
     }
-    let stored = match rules.dialect.lexer.parameters && !options.is_single_block {
-        true => parameter_file::values_of(text),
-        false => Vec::new(),
-    };
+    let has_file = rules.dialect.lexer.parameters && !options.is_single_block;
+    let stored = if has_file { parameter_file::values_of(text) } else { Vec::new() };
     let mut interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
     interpreter.store(&stored, &mut findings);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
     reader.store(&stored);
-    let (interpreter, mut findings, calls) = reader.read();
+    let (interpreter, parameters, mut findings, calls) = reader.read();
     findings.explain(&calls);
     if findings.has_error() {
         return refused(findings);
     }
+    let mut left = Vec::new();
+    if has_file {
+        left.extend(parameters.left(&stored));
+        left.extend(interpreter.left(&stored));
+    }
     let (contour, bounds, named_tools) = interpreter.finish();
     let mut loaded =
-        Loaded { contour, findings: findings.finish(), line_count, bounds, named_tools };
+        Loaded { contour, findings: findings.finish(), line_count, bounds, named_tools, left };
     loaded.take_calls(calls);
     loaded
 }

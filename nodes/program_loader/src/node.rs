@@ -6,10 +6,10 @@
 mod chunks;
 mod health;
 mod lifecycle;
+mod parameter_file;
 mod parameters;
 
 use crate::limits::PROGRAM_BYTES_MAX;
-use crate::parameter_file::{PARAMETER_FILE_BYTES_MAX, with_parameters};
 use crate::subroutines::with_subroutines;
 use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
@@ -29,6 +29,7 @@ use cnc_msgs::wire::std_msgs::msg::Header;
 use intake::file::ReadError;
 use intake::folders::{Folders, LookupError};
 use intake::text::one_line;
+use parameter_file::ParameterFile;
 pub use parameters::parameters;
 use runtime::chunks::{ChunkTopic, Cut};
 use runtime::commands::{Answer, CommandLog};
@@ -105,6 +106,7 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
     node.service::<GetContourChunks, _, _>("programmed_contour/get_chunks", move |request, _| {
         std::future::ready(shared.contour_chunks(&request))
     })?;
+    parameter_file::follow(&node, &loader)?;
     Ok(loader)
 }
 
@@ -116,6 +118,7 @@ struct Loader {
     programs: Folders,
     /// The folders of the subroutines that programs may call.
     subroutines: Folders,
+    parameter_file: Option<ParameterFile>,
     controls: Folders,
     frame_id: String,
     options: LoadOptions,
@@ -168,6 +171,7 @@ impl Loader {
                 node.parameter::<Vec<String>>("subroutine_directories"),
                 "subroutine_directories",
             ),
+            parameter_file: ParameterFile::of(node),
             controls: Folders::new(
                 node.parameter::<Vec<String>>("control_directories"),
                 "control_directories",
@@ -191,10 +195,11 @@ impl Loader {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn health(&self) -> runtime::Health {
+    fn health(&self) -> Vec<runtime::Health> {
         let state = self.state();
         let loaded = state.current.as_ref().map(|current| &current.manifest);
-        health::health(loaded, state.refused.as_deref())
+        let file = self.parameter_file.as_ref().and_then(ParameterFile::health);
+        [health::health(loaded, state.refused.as_deref())].into_iter().chain(file).collect()
     }
 
     fn load_program(&self, request: LoadProgramRequest) -> LoadProgramResponse {
@@ -220,7 +225,10 @@ impl Loader {
         let text = with_subroutines(text, &profile, |name| {
             self.subroutines.read(name, PROGRAM_BYTES_MAX as u64).ok()
         });
-        let text = self.with_parameters(text, &profile)?;
+        let text = match &self.parameter_file {
+            Some(file) => file.append(text, &profile)?,
+            None => text,
+        };
         let mut loaded = load(&text, &profile, &self.options);
         loaded.allow_tools(&request.expected_tools);
         let (findings, finding_count) = first_findings(&loaded);
@@ -249,20 +257,6 @@ impl Loader {
         tracing::info!("{}", response.message);
         self.publish(name, text, &profile, loaded);
         Ok(response)
-    }
-
-    /// The text with the values of the parameter file, if the node has one.
-    fn with_parameters(&self, text: Vec<u8>, profile: &Profile) -> Result<Vec<u8>, Refusal> {
-        type W = LoadProgramResponse;
-        let path: String = self.node.parameter("parameter_file");
-        if path.is_empty() {
-            return Ok(text);
-        }
-        let failed = |why: &dyn std::fmt::Display| format!("parameter_file {path}: {why}");
-        let file = intake::file::read(std::path::Path::new(&path), PARAMETER_FILE_BYTES_MAX)
-            .or_else(|error| refuse(W::INVALID_REQUEST, failed(&error)))?;
-        with_parameters(text, profile, &path, &file)
-            .or_else(|error| refuse(W::INVALID_REQUEST, failed(&error)))
     }
 
     /// Reads a single block; the loaded program stays.
@@ -366,6 +360,9 @@ impl Loader {
         let program_id = id_of(profile, &text);
         let stamp = self.node.now();
         let (min, max) = corners(&loaded);
+        if let Some(file) = &self.parameter_file {
+            file.loaded(&program_id, loaded.left);
+        }
         let mut program = Program {
             stamp: stamp.into(),
             program_id: program_id.clone(),

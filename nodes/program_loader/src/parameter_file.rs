@@ -1,13 +1,13 @@
 //! LinuxCNC's parameter file: a number and a value in each line.
 //!
 //! Its values are appended to the text of the program, as files of subroutines are, so that what
-//! was loaded is one text with one hash: it is recorded whole and replayed without the file. The
-//! file itself is never written.
+//! was loaded is one text with one hash: it is recorded whole and replayed without the file. What a
+//! program has changed when it ends is put into the file after a run of it, and only then.
 
 use crate::limits::{APPENDED, PROGRAM_BYTES_MAX};
 use crate::parameters::NUMBER_MAX;
 use cnc_msgs::profile::Profile;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 /// Bytes of a parameter file; each of its numbers takes less than 40.
@@ -40,6 +40,54 @@ pub(crate) struct Stored {
     pub(crate) number: u32,
     pub(crate) value: f64,
     pub(crate) line: u32,
+}
+
+/// A value that a program leaves to the next one: mm or degrees in work offsets. `None`: the program
+/// has made it one that only the machine knows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Left {
+    pub number: u32,
+    pub value: Option<f64>,
+}
+
+/// The text of a parameter file after a program that has ended: other rows, comments and the order
+/// stay. LinuxCNC wants the numbers to rise, so a new row comes before the first higher one. A row
+/// whose value only the machine knows is taken out.
+pub fn after_run(file: &[u8], left: &[Left]) -> Vec<u8> {
+    let number = |row: &[u8]| {
+        let row = String::from_utf8_lossy(row);
+        row.split_whitespace().next().and_then(|word| word.parse::<u32>().ok())
+    };
+    let rows = || file.split_inclusive(|&byte| byte == b'\n');
+    let known: BTreeSet<u32> = rows().filter_map(number).collect();
+    let (known, mut new): (BTreeMap<_, _>, BTreeMap<_, _>) =
+        left.iter().map(|it| (it.number, it.value)).partition(|(it, _)| known.contains(it));
+    let mut text = Vec::with_capacity(file.len() + 40 * left.len());
+    let mut end = "\n";
+    for row in rows() {
+        end = if row.ends_with(b"\r\n") { "\r\n" } else { "\n" };
+        let Some(number) = number(row) else {
+            text.extend_from_slice(row);
+            continue;
+        };
+        let higher = new.split_off(&number);
+        add_rows(&mut text, std::mem::replace(&mut new, higher), end);
+        match known.get(&number) {
+            Some(value) => add_rows(&mut text, BTreeMap::from([(number, *value)]), end),
+            None => text.extend_from_slice(row),
+        }
+    }
+    add_rows(&mut text, new, end);
+    text
+}
+
+fn add_rows(text: &mut Vec<u8>, rows: BTreeMap<u32, Option<f64>>, end: &str) {
+    for (number, value) in rows.into_iter().filter_map(|(number, value)| Some((number, value?))) {
+        if text.last().is_some_and(|&last| last != b'\n') {
+            text.extend_from_slice(end.as_bytes());
+        }
+        text.extend_from_slice(format!("{number}\t{value:?}{end}").as_bytes());
+    }
 }
 
 /// Appends the values of a parameter file to a program.
@@ -129,6 +177,9 @@ fn section(text: &[u8]) -> Option<Vec<Stored>> {
     (count.parse() == Ok(values.len())).then_some(values)
 }
 
+/// The user's parameters that the file keeps.
+pub(crate) const OF_THE_USER: std::ops::RangeInclusive<u32> = 31..=5000;
+
 /// Whether LinuxCNC keeps a parameter in its file.
 pub(crate) const fn is_kept(number: u32) -> bool {
     matches!(number, 31..=5000 | 5161..=5169 | 5181..=5189 | 5210..=5390)
@@ -185,6 +236,33 @@ mod tests {
         }
         let text = format!("{APPENDED}\n{BEGIN}1, x)\n(#100=50)\n");
         assert_eq!(values_of(text.as_bytes()).len(), 1);
+    }
+
+    #[test]
+    fn a_run_changes_its_own_rows_and_no_other() {
+        let left = |rows: &[(u32, Option<f64>)]| -> Vec<Left> {
+            rows.iter().map(|&(number, value)| Left { number, value }).collect()
+        };
+        // The file, what the program has left, and the file after its run.
+        let table: [(&str, &[(u32, Option<f64>)], &str); 8] = [
+            ("31 7\n", &[(31, Some(8.0))], "31\t8.0\n"),
+            (
+                "# ours\n31\t7.000000\n\n5161 3\n5220 1.000000\n",
+                &[(40, Some(0.1)), (5161, None), (5221, Some(-2.5))],
+                "# ours\n31\t7.000000\n\n40\t0.1\n5220 1.000000\n5221\t-2.5\n",
+            ),
+            ("", &[(100, Some(1e300)), (31, Some(0.0))], "31\t0.0\n100\t1e300\n"),
+            ("31 7", &[(32, Some(1.0))], "31 7\n32\t1.0\n"),
+            ("31 7\r\n33 1\r\n", &[(32, Some(1.0))], "31 7\r\n32\t1.0\r\n33 1\r\n"),
+            ("31 7\n", &[(5161, None)], "31 7\n"),
+            // Rows that do not rise are somebody's own order.
+            ("50 1\n31 7\n", &[(31, Some(8.0)), (60, Some(2.0))], "50 1\n31\t8.0\n60\t2.0\n"),
+            ("50 1\n31 7\n", &[], "50 1\n31 7\n"),
+        ];
+        for (file, rows, wanted) in table {
+            let text = after_run(file.as_bytes(), &left(rows));
+            assert_eq!(String::from_utf8(text).expect("text"), wanted, "{file:?}");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! give (`#5420`, `#<_feed>`) is the interpreter's.
 
 use crate::expression::Parameter;
-use crate::parameter_file::Stored;
+use crate::parameter_file::{Left, OF_THE_USER, Stored};
 use std::collections::BTreeMap;
 
 /// The highest number of a parameter (LinuxCNC).
@@ -102,11 +102,20 @@ impl Parameters {
     /// Takes the user's values of a parameter file.
     pub(crate) fn store(&mut self, values: &[Stored]) {
         for &Stored { number, value, .. } in
-            values.iter().filter(|it| (31..=5000).contains(&it.number))
+            values.iter().filter(|it| OF_THE_USER.contains(&it.number))
         {
             self.fill();
             self.numbered[number as usize] = value;
         }
+    }
+
+    /// The user's values that are others than those of the parameter file.
+    pub(crate) fn left(&self, begun: &[Stored]) -> Vec<Left> {
+        let mut before = Self::default();
+        before.store(begun);
+        let is_changed = |number: &u32| self.numbered(*number) != before.numbered(*number);
+        let numbers = OF_THE_USER.filter(is_changed);
+        numbers.map(|number| Left { number, value: self.numbered(number) }).collect()
     }
 
     /// Gives each number a value, before the first is set.

@@ -92,9 +92,9 @@ impl<'r> Reader<'r> {
         self.parameters.store(values);
     }
 
-    /// Reads and executes the program; returns what it has come to, all findings, and the calls that
-    /// both were made in.
-    pub(crate) fn read(mut self) -> (Interpreter<'r>, Findings, Calls) {
+    /// Reads and executes the program; returns what it has come to, its parameters at the end, all
+    /// findings, and the calls that they were made in.
+    pub(crate) fn read(mut self) -> (Interpreter<'r>, Parameters, Findings, Calls) {
         let text = self.text;
         let mut cursor = Cursor { offset: 0, line: 1 };
         let mut last_line = 0;
@@ -125,7 +125,8 @@ impl<'r> Reader<'r> {
         } else if !self.block.is_binary {
             self.check_end(last_line);
         }
-        (self.interpreter, self.findings, self.flow.map(Flow::into_calls).unwrap_or_default())
+        let calls = self.flow.map(Flow::into_calls).unwrap_or_default();
+        (self.interpreter, self.parameters, self.findings, calls)
     }
 
     /// Reads and executes one line.

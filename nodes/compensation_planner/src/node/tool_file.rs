@@ -1,15 +1,14 @@
 //! The tool file on the disk: read once, replaced at once or not at all.
 //!
-//! The new file is written next to the old one, synced to the disk and renamed over it, so that a
-//! crash leaves one of the two. [`tool_file`](crate::tools::tool_file) decides what is in it.
+//! [`tool_file`](crate::tools::tool_file) decides what is in it.
 
 use crate::tools::set_tool::{Refusal, ToolTableChange};
 use crate::tools::tool_file::{edited, whole};
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::srv::SetToolResponse;
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use intake::replace::replace;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// The file, and its text when this node last read or wrote it.
 #[derive(Debug)]
@@ -51,37 +50,13 @@ impl ToolFile {
         let edited = edited(&self.text, change).filter(is_meant);
         let kept_comments = edited.is_some();
         let text = edited.unwrap_or_else(|| whole(&change.tools));
-        self.replace(&text, permissions).map_err(cannot)?;
+        replace(&self.path, text.as_bytes(), Some(permissions)).map_err(cannot)?;
         self.text = text;
         Ok(if kept_comments {
             format!("in {name}")
         } else {
             format!("in {name}, which was written anew: comments in it are lost")
         })
-    }
-
-    fn replace(&self, text: &str, permissions: fs::Permissions) -> io::Result<()> {
-        let mut new_file = self.path.clone().into_os_string();
-        new_file.push(format!(".{}.new", std::process::id()));
-        let new_file = PathBuf::from(new_file);
-        let written = (|| {
-            let mut file =
-                OpenOptions::new().write(true).create(true).truncate(true).open(&new_file)?;
-            file.write_all(text.as_bytes())?;
-            file.set_permissions(permissions)?;
-            file.sync_all()?;
-            fs::rename(&new_file, &self.path)
-        })();
-        if let Err(error) = written {
-            // It may not exist.
-            let _ = fs::remove_file(&new_file);
-            return Err(error);
-        }
-        // Renaming is durable once the folder is synced; it is already in force.
-        if let Some(Ok(folder)) = self.path.parent().map(File::open) {
-            let _ = folder.sync_all();
-        }
-        Ok(())
     }
 }
 

@@ -24,6 +24,6 @@ impl Managed for Loader {
     }
 
     fn health(&self) -> Vec<Health> {
-        vec![Loader::health(self)]
+        Loader::health(self)
     }
 }
