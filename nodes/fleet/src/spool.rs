@@ -5,11 +5,10 @@
 use crate::FleetError;
 use crate::core::key::{is_key, key_of};
 use bytes::Bytes;
+use intake::replace::replace;
 use serde_json::json;
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A bag in the spool.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -77,21 +76,7 @@ pub fn remove(file: &Path) -> Result<(), FleetError> {
 
 /// Writes a file that is there whole or not at all, after a power cut too.
 fn write(file: &Path, content: &[u8]) -> Result<(), FleetError> {
-    static WRITES: AtomicU64 = AtomicU64::new(0);
-    // Pushes may share a spool: no two writes have one temporary file.
-    let (process, write) = (std::process::id(), WRITES.fetch_add(1, Ordering::Relaxed));
-    let mut temporary = file.as_os_str().to_owned();
-    temporary.push(format!(".{process}-{write}.tmp"));
-    let temporary = PathBuf::from(temporary);
-    let written = File::create(&temporary)
-        .and_then(|mut to| to.write_all(content).and_then(|()| to.sync_all()))
-        .and_then(|()| fs::rename(&temporary, file))
-        // The name is in the folder, and so after a power cut.
-        .and_then(|()| File::open(file.parent().unwrap_or(Path::new(".")))?.sync_all());
-    written.map_err(|why| {
-        let _ = fs::remove_file(&temporary);
-        FleetError::file(file, why)
-    })
+    replace(file, content, None).map_err(|why| FleetError::file(file, why))
 }
 
 #[cfg(test)]

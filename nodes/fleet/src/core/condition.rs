@@ -1,7 +1,7 @@
 //! `--where`: a condition on the columns of the index, as SQL has it.
 //!
-//! Comparisons of a column with a text or a number, `is null`, `and`, `or`, `not` and parentheses. As in
-//! SQL a comparison with an empty value is neither true nor false, and a bag is selected when the whole
+//! Comparisons of a column with a text or a number, `in`, `between`, `like`, `is null`, `and`, `or`, `not`
+//! and parentheses. As in SQL a comparison with an empty value is neither true nor false, and a bag is selected when the whole
 //! is true.
 
 use super::schema::{Column, Kind, Row, Value};
@@ -9,6 +9,7 @@ use super::words::{What, Word, words};
 use chrono::{DateTime, NaiveDate};
 use std::cmp::Ordering;
 use std::str::FromStr;
+use std::sync::Arc;
 
 /// Parentheses and `not` inside each other.
 const DEPTH_MAX: usize = 100;
@@ -20,6 +21,7 @@ pub struct Condition(Node);
 #[derive(Debug, Clone, PartialEq)]
 enum Node {
     Compare { column: &'static str, sign: &'static str, with: Value },
+    Like { column: &'static str, pattern: Arc<str> },
     IsNull(&'static str),
     Not(Box<Node>),
     And(Vec<Node>),
@@ -49,7 +51,9 @@ impl Condition {
 impl Node {
     fn columns(&self, to: &mut Vec<&'static str>) {
         match self {
-            Self::Compare { column, .. } | Self::IsNull(column) => to.push(column),
+            Self::Compare { column, .. } | Self::Like { column, .. } | Self::IsNull(column) => {
+                to.push(column);
+            }
             Self::Not(node) => node.columns(to),
             Self::And(nodes) | Self::Or(nodes) => nodes.iter().for_each(|node| node.columns(to)),
         }
@@ -69,12 +73,40 @@ impl Node {
                     _ => order != Ordering::Less,
                 })
             }
+            Self::Like { column, pattern } => match value(column) {
+                Value::Text(text) => Some(is_like(text, pattern)),
+                _ => None,
+            },
             Self::IsNull(column) => Some(*value(column) == Value::Null),
             Self::Not(node) => node.is_true(value).map(|is_true| !is_true),
             Self::And(nodes) => all(nodes.iter().map(|node| node.is_true(value)), true),
             Self::Or(nodes) => all(nodes.iter().map(|node| node.is_true(value)), false),
         }
     }
+}
+
+/// Whether a text has the form of a pattern: `%` is any text, `_` any character.
+fn is_like(text: &str, pattern: &str) -> bool {
+    let (text, pattern): (Vec<char>, Vec<char>) =
+        (text.chars().collect(), pattern.chars().collect());
+    let (mut at, mut next) = (0, 0);
+    // The last % and how far the text went then: it takes one character more when the rest does not fit.
+    let mut any: Option<(usize, usize)> = None;
+    while at < text.len() {
+        match (pattern.get(next), any) {
+            (Some('%'), _) => {
+                any = Some((next, at));
+                next += 1;
+            }
+            (Some(&c), _) if c == '_' || c == text[at] => (at, next) = (at + 1, next + 1),
+            (_, Some((percent, from))) => {
+                any = Some((percent, from + 1));
+                (at, next) = (from + 1, percent + 1);
+            }
+            _ => return false,
+        }
+    }
+    pattern[next..].iter().all(|&c| c == '%')
 }
 
 /// The other value decides; else unknown, if there is one.
@@ -189,36 +221,78 @@ impl Parser {
             let node = Node::IsNull(column);
             return Ok(if is_not { Node::Not(Box::new(node)) } else { node });
         }
+        let is_not = self.is_name("not");
         let at = self.place();
-        let Some(What::Sign(sign)) = self.take() else {
-            return Err((
-                at,
-                format!("a comparison is missing after {column}: = != < <= > >= or `is null`"),
-            ));
-        };
-        let at = self.place();
-        let with = match (kind, self.take()) {
-            (Kind::Text, Some(What::Text(text))) => Value::Text(text.into()),
-            (Kind::Integer | Kind::Real, Some(What::Number(number))) => Value::Real(number),
-            (Kind::Time, Some(What::Text(text))) => {
-                Value::Integer(time_us(&text).ok_or_else(|| {
-                    (
-                        at,
-                        format!(
-                            "`{text}` is not a time; write '2026-11-24' or '2026-11-24T20:15:00Z'"
-                        ),
-                    )
-                })?)
+        let node = match self.take() {
+            Some(What::Sign(sign)) if !is_not => {
+                return Ok(Node::Compare { column, sign, with: self.value(column, *kind)? });
             }
+            Some(What::Name(name)) if name == "in" => self.listed(column, *kind)?,
+            Some(What::Name(name)) if name == "between" => {
+                let with = self.value(column, *kind)?;
+                let from = Node::Compare { column, sign: ">=", with };
+                if !self.is_name("and") {
+                    return Err((self.place(), "`and` is missing after `between`".to_owned()));
+                }
+                let with = self.value(column, *kind)?;
+                Node::And(vec![from, Node::Compare { column, sign: "<=", with }])
+            }
+            Some(What::Name(name)) if name == "like" && *kind == Kind::Text => {
+                match self.value(column, *kind)? {
+                    Value::Text(pattern) => Node::Like { column, pattern },
+                    _ => return Err((at, format!("{column} is not a text"))),
+                }
+            }
+            _ => {
+                return Err((
+                    at,
+                    format!(
+                        "a comparison is missing after {column}: = != < <= > >=, in (..), between, \
+                         like of texts, or `is null`"
+                    ),
+                ));
+            }
+        };
+        Ok(if is_not { Node::Not(Box::new(node)) } else { node })
+    }
+
+    /// The values of `in (1, 2)`: the column is one of them.
+    fn listed(&mut self, column: &'static str, kind: Kind) -> Result<Node, Wrong> {
+        let at = self.place();
+        if self.take() != Some(What::Open) {
+            return Err((at, "`in` is followed by values in parentheses".to_owned()));
+        }
+        let mut nodes = Vec::new();
+        loop {
+            let with = self.value(column, kind)?;
+            nodes.push(Node::Compare { column, sign: "=", with });
+            match self.take() {
+                Some(What::Comma) => {}
+                Some(What::Close) => return Ok(Node::Or(nodes)),
+                _ => return Err((at, "this parenthesis is not closed".to_owned())),
+            }
+        }
+    }
+
+    /// A value that a column is compared with.
+    fn value(&mut self, column: &str, kind: Kind) -> Result<Value, Wrong> {
+        let at = self.place();
+        match (kind, self.take()) {
+            (Kind::Text, Some(What::Text(text))) => Ok(Value::Text(text.into())),
+            (Kind::Integer | Kind::Real, Some(What::Number(number))) => Ok(Value::Real(number)),
+            (Kind::Time, Some(What::Text(text))) => match time_us(&text) {
+                Some(time) => Ok(Value::Integer(time)),
+                None => Err((
+                    at,
+                    format!("`{text}` is not a time; write '2026-11-24' or '2026-11-24T20:15:00Z'"),
+                )),
+            },
             (Kind::Text, _) => {
-                return Err((at, format!("{column} is compared with a text between quotes")));
+                Err((at, format!("{column} is compared with a text between quotes")))
             }
-            (Kind::Time, _) => {
-                return Err((at, format!("{column} is compared with a time: '2026-11-24'")));
-            }
-            _ => return Err((at, format!("{column} is compared with a number"))),
-        };
-        Ok(Node::Compare { column, sign, with })
+            (Kind::Time, _) => Err((at, format!("{column} is compared with a time: '2026-11-24'"))),
+            _ => Err((at, format!("{column} is compared with a number"))),
+        }
     }
 
     fn take(&mut self) -> Option<What> {
@@ -282,6 +356,18 @@ mod tests {
             ("alarms is null and control is not null", true),
             ("start >= '2026-09-21' and start < '2026-09-22'", true),
             ("start > '2026-09-21T16:00:00+01:00'", false),
+            ("control in ('nct', 'rs274') and holds IN (1,2)", true),
+            ("control not in ('nct', 'rs274')", false),
+            ("holds in (3)", false),
+            ("alarms in (0, 1) or alarms not in (0, 1)", false),
+            ("duration_s between 12.5 and 13 and holds = 2", true),
+            ("duration_s not between 0 and 12", true),
+            ("start between '2026-09-21' and '2026-09-22'", true),
+            ("control like 'rs%' and control like '%27_' and program like '%''s'", true),
+            ("control like 'r%s%4' and control like 'rs274%'", true),
+            ("control like 'RS%' or control like 's%' or control like '____'", false),
+            ("control not like '%7'", true),
+            ("firmware like '%' or firmware not like '%'", false),
         ] {
             let read: Condition = condition.parse().expect(condition);
             assert_eq!(read.selects(INDEX, &row), expected, "{condition}");
@@ -300,8 +386,19 @@ mod tests {
             ("holds = 1)", "character 10: nothing follows a whole condition but `and` and `or`"),
             (
                 "holds 1",
-                "character 7: a comparison is missing after holds: = != < <= > >= or `is null`",
+                "character 7: a comparison is missing after holds: = != < <= > >=, in (..), between, \
+                 like of texts, or `is null`",
             ),
+            (
+                "holds like '1'",
+                "character 7: a comparison is missing after holds: = != < <= > >=, in (..), between, \
+                 like of texts, or `is null`",
+            ),
+            ("holds in 1", "character 10: `in` is followed by values in parentheses"),
+            ("holds in (1 2)", "character 10: this parenthesis is not closed"),
+            ("holds in ()", "character 11: holds is compared with a number"),
+            ("holds in (1, 'x')", "character 14: holds is compared with a number"),
+            ("holds between 1 or 2", "character 17: `and` is missing after `between`"),
             ("start > 5", "character 9: start is compared with a time: '2026-11-24'"),
             (
                 "start > '5'",

@@ -9,7 +9,7 @@ pub(super) struct Word {
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum What {
-    /// A column, or `and`, `or`, `not`, `is`, `null`; in small letters.
+    /// A column, or `and`, `or`, `not`, `is`, `null`, `in`, `between`, `like`; in small letters.
     Name(String),
     Text(String),
     Number(f64),
@@ -17,6 +17,7 @@ pub(super) enum What {
     Sign(&'static str),
     Open,
     Close,
+    Comma,
 }
 
 /// Longer signs first.
@@ -47,6 +48,8 @@ pub(super) fn words(text: &str) -> Result<Vec<Word>, (usize, String)> {
             (1, What::Open)
         } else if first == ')' {
             (1, What::Close)
+        } else if first == ',' {
+            (1, What::Comma)
         } else if first == '\'' || first == '"' {
             let (length, content) = quoted(rest, first).ok_or_else(|| {
                 (place, format!("the text that begins here has no closing {first}"))
