@@ -12,8 +12,10 @@
 //! the first place within the tolerance or after it, never before. One report alone does not
 //! say so: it may be the one that is wrong. Knows no ports and no time.
 
+mod bound;
 mod deviation;
 mod frame;
+mod further;
 mod moves;
 mod parser_state;
 mod sent;
@@ -25,10 +27,14 @@ mod words;
 
 pub use deviation::{Culprit, Deviation};
 pub use frame::Frame;
+pub use further::{FurtherFrame, Off};
 pub use speed::Rates;
 
 use crate::report::ReportUnits;
+use bound::Bound;
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
+use further::Turn;
 use moves::{Nearest, Way};
 use sent::{Sent, WordsInForce};
 use speed::SpeedWatch;
@@ -48,6 +54,8 @@ pub struct Board {
     pub arc_tolerance_mm: f64,
     /// `$100` to `$102`.
     pub steps_per_mm: [Option<f64>; 3],
+    /// How far a step moves each of the further axes, degrees or mm.
+    pub further_steps: [f64; 6],
     /// The unit that reports are printed in.
     pub units: ReportUnits,
     pub rates: Rates,
@@ -63,8 +71,12 @@ pub struct Seen {
     /// The report has the work position alone: the machine position follows from an offset that
     /// may have come in an earlier one.
     pub is_by_offset: bool,
+    /// The same of the further axes that the board has.
+    pub further: FurtherAxes,
     /// The work offset, where this report has it.
     pub work_offset: Option<Position>,
+    /// The same of the further axes.
+    pub further_offset: FurtherAxes,
     pub feed_mm_per_min: Option<f64>,
     /// 1 for 100 %.
     pub feed_override: f64,
@@ -75,6 +87,7 @@ pub struct Seen {
 #[derive(Debug, Clone, Copy)]
 struct SentMove {
     way: Way,
+    turn: Turn,
     feed_mm_per_min: Option<f64>,
     culprit: Culprit,
     /// Lines that take a planner block for sure, up to this one.
@@ -88,32 +101,8 @@ struct SentMove {
 struct After {
     words: WordsInForce,
     offset: Option<Position>,
+    frame_changes: usize,
     blocks: usize,
-}
-
-/// Where the tool has been for sure: in this move, after this share of it.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default)]
-struct Bound {
-    index: usize,
-    part: f64,
-}
-
-impl Bound {
-    /// The same when so many moves before it are gone.
-    fn after(self, gone: usize) -> Self {
-        match self.index.checked_sub(gone) {
-            Some(index) => Self { index, ..self },
-            None => Self::default(),
-        }
-    }
-
-    fn earlier(self, other: Self) -> Self {
-        if other < self { other } else { self }
-    }
-
-    fn later(self, other: Self) -> Self {
-        if other > self { other } else { self }
-    }
 }
 
 /// Follows what is sent, answered and reported.
@@ -140,7 +129,12 @@ pub struct PathWatch {
 
 impl PathWatch {
     /// The machine stands here and has nothing to do.
-    pub fn new(board: Board, mut frame: Frame, place: Option<Position>) -> Self {
+    pub fn new(
+        board: Board,
+        mut frame: Frame,
+        place: Option<Position>,
+        further: FurtherAxes,
+    ) -> Self {
         frame.settle();
         let offset = frame.in_force;
         let sent = Sent { frame, place, ..Sent::default() };
@@ -152,30 +146,35 @@ impl PathWatch {
             least: Bound::default(),
             bound: Bound::default(),
             unanswered: VecDeque::new(),
-            parsed: After { words: WordsInForce::default(), offset, blocks: 0 },
+            parsed: After { words: WordsInForce::default(), offset, frame_changes: 0, blocks: 0 },
             lines_sent: 0,
             shown: offset,
             takes_offset: false,
         };
-        watch.stand(place);
+        watch.stand(place, further);
         watch
     }
 
     /// Everything that was sent is done, and the machine stands: here, where that is known.
-    fn stand(&mut self, place: Option<Position>) {
+    fn stand(&mut self, place: Option<Position>, further: FurtherAxes) {
         let way = place.map_or(Way::Anywhere, |place| Way::Line { from: place, to: place });
         let last = self.moves.back();
         let culprit = last.map_or(Culprit::default(), |last| last.culprit);
         let blocks = last.map_or(self.parsed.blocks, |last| last.blocks);
-        let (number, feed_mm_per_min) = (self.lines_sent, None);
+        let (number, feed_mm_per_min, turn) = (self.lines_sent, None, Turn::at(further));
         self.moves.clear();
-        self.moves.push_back(SentMove { way, feed_mm_per_min, culprit, blocks, number });
+        self.moves.push_back(SentMove { way, turn, feed_mm_per_min, culprit, blocks, number });
         (self.least, self.bound) = Default::default();
-        self.sent.place = place;
+        (self.sent.place, self.sent.further) = (place, further);
     }
 
     /// The machine stands here, wherever it was thought to be, in this frame, where it is known.
-    pub fn begin_again(&mut self, frame: Option<Frame>, place: Option<Position>) {
+    pub fn begin_again(
+        &mut self,
+        frame: Option<Frame>,
+        place: Option<Position>,
+        further: FurtherAxes,
+    ) {
         if let Some(mut frame) = frame {
             let (system, length) = (self.sent.frame.system, self.sent.frame.tool_length_mm);
             frame.system = frame.system.or(system);
@@ -184,7 +183,7 @@ impl PathWatch {
             self.forget_words();
             self.parsed.offset = self.sent.frame.in_force;
         }
-        self.stand(place);
+        self.stand(place, further);
     }
 
     /// The axes are going to their switches, and what the owner has stored is in force after it.
@@ -204,7 +203,11 @@ impl PathWatch {
     }
 
     fn forget_places(&mut self) {
-        self.moves.iter_mut().for_each(|sent| sent.way = Way::Anywhere);
+        for sent in &mut self.moves {
+            (sent.way, sent.turn) = (Way::Anywhere, Turn::UNKNOWN);
+        }
+        // A damaged word of theirs is in force until the next one.
+        self.sent.further = FurtherAxes::NONE;
         (self.least, self.bound) = Default::default();
     }
 
@@ -226,13 +229,16 @@ impl PathWatch {
         let last = self.moves.back().map_or(self.parsed.blocks, |last| last.blocks);
         let mut blocks = last;
         if let Some(way) = asked.way {
-            let is_block = way.length_mm() > STEPS_OF_A_BLOCK * self.step_mm();
+            let turn = asked.turn;
+            let is_block = way.length_mm() > STEPS_OF_A_BLOCK * self.step_mm()
+                || turn.moves(&self.board.further_steps, STEPS_OF_A_BLOCK);
             blocks += usize::from(is_block);
             let (number, feed_mm_per_min) = (self.lines_sent, asked.feed_mm_per_min);
-            self.moves.push_back(SentMove { way, feed_mm_per_min, culprit, blocks, number });
+            self.moves.push_back(SentMove { way, turn, feed_mm_per_min, culprit, blocks, number });
         }
         let offset = self.sent.frame.in_force;
-        self.unanswered.push_back(After { words: self.sent.said, offset, blocks });
+        let (words, frame_changes) = (self.sent.said, self.sent.frame_changes);
+        self.unanswered.push_back(After { words, offset, frame_changes, blocks });
     }
 
     /// The oldest line without an answer was answered.
@@ -263,11 +269,15 @@ impl PathWatch {
         if self.takes_offset {
             return None;
         }
+        if self.parsed.frame_changes == self.sent.frame_changes {
+            self.sent.frame.further.adopt(seen.further_offset);
+        }
         let is_placed = !seen.is_by_offset || self.is_offset_shown();
         if let Some(position) = seen.position.filter(|_| is_placed) {
             let blocks = seen.blocks_in_use.filter(|_| self.board.planner_blocks.is_some());
             let index = blocks.map_or(0, |blocks| self.finished(blocks));
-            if let Some(deviation) = self.judge_place(position, Bound { index, part: 0.0 }) {
+            let done = Bound { index, part: 0.0 };
+            if let Some(deviation) = self.judge_place(position, seen.further, done) {
                 return Some(deviation);
             }
         }
@@ -284,10 +294,14 @@ impl PathWatch {
     }
 
     /// All lines are answered, and the machine stands: is it where they end?
-    pub fn judge_end(&mut self, position: Option<Position>) -> Option<Deviation> {
+    pub fn judge_end(
+        &mut self,
+        position: Option<Position>,
+        further: FurtherAxes,
+    ) -> Option<Deviation> {
         let is_known = self.moves.back().is_some_and(|last| last.way != Way::Anywhere);
         let Some(end) = self.sent.place.filter(|_| is_known) else {
-            self.stand(position);
+            self.stand(position, further);
             return None;
         };
         let at = position?;
@@ -298,7 +312,11 @@ impl PathWatch {
         if is_off {
             return Some(Deviation::Place { culprit, at, nearest: end, off_mm });
         }
-        self.stand(Some(end));
+        let stands = Turn::at(self.sent.further);
+        if let Some(off) = stands.off(further, [0.0, 1.0], &self.board.further_steps) {
+            return Some(Deviation::Further { culprit, off });
+        }
+        self.stand(Some(end), self.sent.further.or(further));
         None
     }
 
@@ -372,9 +390,14 @@ impl PathWatch {
 
     /// One report may be wrong and lie ahead on the path, where it fits; then a later sound one does
     /// not. So the bound without any one of the reports is kept too.
-    fn judge_place(&mut self, position: Position, done: Bound) -> Option<Deviation> {
-        let without = self.find(position, self.least.later(done));
-        match (self.find(position, self.bound.later(done)), without) {
+    fn judge_place(
+        &mut self,
+        position: Position,
+        further: FurtherAxes,
+        done: Bound,
+    ) -> Option<Deviation> {
+        let without = self.find(position, further, self.least.later(done));
+        match (self.find(position, further, self.bound.later(done)), without) {
             (Ok(found), without) => {
                 // Without this one it would be where it was.
                 self.least = without.map_or(self.bound, |least| least.earlier(self.bound));
@@ -390,8 +413,15 @@ impl PathWatch {
     }
 
     /// Where the tool is at the earliest, not before a bound; or how far it is off.
-    fn find(&self, position: Position, from: Bound) -> Result<Bound, Option<Deviation>> {
+    fn find(
+        &self,
+        position: Position,
+        further: FurtherAxes,
+        from: Bound,
+    ) -> Result<Bound, Option<Deviation>> {
         let mut best: Option<(usize, Nearest)> = None;
+        // The first line that fits but for a further axis.
+        let mut turned: Option<(usize, Off)> = None;
         for (index, sent) in self.moves.iter().enumerate().skip(from.index) {
             let from_part = if index == from.index { from.part } else { 0.0 };
             let near = sent.way.nearest(position, from_part);
@@ -399,12 +429,22 @@ impl PathWatch {
             if near.distance_mm <= tolerance {
                 let length = sent.way.length_mm();
                 let slack = if length > 0.0 { tolerance / length } else { 1.0 };
-                return Ok(Bound { index, part: (near.part - slack).max(from_part) });
+                let parts = match sent.way {
+                    Way::Line { .. } => [near.part - slack, near.part + slack],
+                    Way::Arc(_) | Way::Anywhere => [0.0, 1.0],
+                };
+                match sent.turn.off(further, parts, &self.board.further_steps) {
+                    None => return Ok(Bound { index, part: (near.part - slack).max(from_part) }),
+                    Some(off) => turned = turned.or(Some((index, off))),
+                }
             }
             // Of two that meet there the later one is cut.
             if best.is_none_or(|(_, least)| near.distance_mm <= least.distance_mm + SAME_MM) {
                 best = Some((index, near));
             }
+        }
+        if let Some((index, off)) = turned {
+            return Err(Some(Deviation::Further { culprit: self.moves[index].culprit, off }));
         }
         let deviation = best.map(|(index, near)| {
             let Nearest { distance_mm: off_mm, place: nearest, .. } = near;

@@ -8,3 +8,4 @@ mod echo;
 mod named;
 mod parts;
 mod sound;
+mod turning;

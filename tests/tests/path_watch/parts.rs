@@ -2,6 +2,7 @@
 
 use axis_driver::driver::{DriverConfig, OnPathDeviation};
 use cnc_msgs::contour::{Action, Source, SpindleMode};
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
@@ -44,7 +45,16 @@ pub(crate) fn holding() -> DriverConfig {
 
 /// A router with this firmware and these settings, idle, with its work zero where it stands.
 pub(crate) fn router(firmware: Firmware, lines: &[&str], config: DriverConfig) -> Line {
-    let mut settings = Settings::small_router_of(firmware);
+    router_of(Settings::small_router_of(firmware), lines, config)
+}
+
+/// The same with an axis that turns.
+pub(crate) fn turning_router(firmware: Firmware, lines: &[&str], config: DriverConfig) -> Line {
+    let settings = Settings::small_router_of(firmware).with_axes("XYZA".parse().expect("axes"));
+    router_of(settings, lines, config)
+}
+
+fn router_of(mut settings: Settings, lines: &[&str], config: DriverConfig) -> Line {
     for line in lines {
         settings.set_line(line).expect("a setting of this firmware");
     }
@@ -179,6 +189,29 @@ pub(crate) fn random_part(random: &mut Random, elements: usize) -> CompensatedPa
         }
     }
     part.path
+}
+
+/// A turns in some of the straight lines of a path, and between them; returns where it ends.
+pub(crate) fn turn_along(path: &mut CompensatedPath, random: &mut Random) -> f64 {
+    let mut angle = 0.0;
+    let mut events = Vec::new();
+    for (at_element, element) in path.elements.iter().enumerate() {
+        if element.shape != Shape::Line || random.below(3) > 0 {
+            continue;
+        }
+        angle = random.between(-120.0, 120.0).round();
+        let mode = match random.below(4) {
+            0 => FurtherMode::Rapid,
+            1 => FurtherMode::Feed(random.between(2_000.0, 9_000.0).round()),
+            _ => FurtherMode::Along,
+        };
+        let action = Action::Further(FurtherMove { axes: FurtherAxes::NONE.with(0, angle), mode });
+        events.push(PathEvent { at_element, action, source: element.source });
+    }
+    // What waits for the line of its block comes last before it.
+    path.events.extend(events);
+    path.events.sort_by_key(|event| event.at_element);
+    angle
 }
 
 /// How much of something is wanted: a number in the environment, or the usual one.

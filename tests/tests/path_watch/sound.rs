@@ -1,6 +1,8 @@
 //! No false alarm: runs with nothing wrong, on every firmware.
 
-use crate::parts::{Part, Random, START, holding, number, random_part, router};
+use crate::parts::{
+    Part, Random, START, holding, number, random_part, router, turn_along, turning_router,
+};
 use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, Overrides, RunOutcome};
 use cnc_msgs::contour::{Action, SpindleMode};
 use cnc_msgs::further::FurtherAxes;
@@ -31,10 +33,13 @@ fn settings(firmware: Firmware, random: &mut Random) -> Vec<&'static str> {
 fn attend(line: &mut Line, random: &mut Random, place: &str) {
     /// Two wrong reports within the lines that the planner holds may be held against a run.
     const BETWEEN_TORN: Duration = Duration::from_secs(30);
+    /// No run takes longer.
+    const PATIENCE: Duration = Duration::from_secs(3_600);
     let mut is_single = false;
-    let mut torn_at = line.now;
+    let (begin, mut torn_at) = (line.now, line.now);
     while line.finished.is_none() {
         let state = line.state();
+        assert!(line.now < begin + PATIENCE, "{place}: {state:?} {:?}", line.log);
         assert!(!state.reason.starts_with("PATH_DEVIATION"), "{place}: {state:?}");
         match state.mode {
             Mode::ToolChange => {
@@ -114,11 +119,12 @@ fn change_by_hand(line: &mut Line, random: &mut Random) {
 
 /// Runs so many parts on one board; gives the virtual time that the runs took, and how many
 /// reports were torn.
-fn sound_runs(firmware: Firmware, seed: u64, runs: u32) -> (Duration, u64) {
+fn sound_runs(firmware: Firmware, seed: u64, runs: u32, turns: bool) -> (Duration, u64) {
     let mut random = Random(seed);
     let lines = settings(firmware, &mut random);
     let config = DriverConfig { tool_change_return: true, ..holding() };
-    let mut line = router(firmware, &lines, config);
+    let machine = if turns { turning_router } else { router };
+    let mut line = machine(firmware, &lines, config);
     line.forget_written();
     let mut took = Duration::ZERO;
     for run in 0..runs {
@@ -131,6 +137,9 @@ fn sound_runs(firmware: Firmware, seed: u64, runs: u32) -> (Duration, u64) {
                 at,
                 &[Action::ChangeTool { tool: 2 }, Action::Spindle(SpindleMode::Clockwise)],
             );
+        }
+        if turns {
+            turn_along(&mut path, &mut random);
         }
         let begin = line.now;
         line.start(path, 0);
@@ -170,7 +179,7 @@ fn nothing_is_held_where_nothing_is_wrong() {
     let (mut hours, mut torn) = (0.0, 0);
     for seed in first.. {
         for firmware in Firmware::ALL {
-            let (took, reports) = sound_runs(firmware, seed, 4);
+            let (took, reports) = sound_runs(firmware, seed, 4, false);
             hours += took.as_secs_f64() / 3_600.0;
             torn += reports;
         }
@@ -185,7 +194,30 @@ fn nothing_is_held_where_nothing_is_wrong() {
 #[test]
 fn the_feed_from_before_a_hold_is_no_motion() {
     // grblHAL goes on reporting it, and the hold ends in a line that is cut more slowly.
-    sound_runs(Firmware::GrblHal, 26, 1);
+    sound_runs(Firmware::GrblHal, 26, 1, false);
+}
+
+#[test]
+fn no_feed_after_g93_is_no_restart() {
+    // Words are asked for where a rapid follows a line that was sent as a time.
+    sound_runs(Firmware::FluidNc, 103, 1, true);
+}
+
+/// `KERF_WATCH_HOURS` and `KERF_WATCH_SEED` as above.
+#[test]
+fn nothing_is_held_where_an_axis_turns() {
+    let wanted = number("KERF_WATCH_HOURS", 0.0);
+    let first = number("KERF_WATCH_SEED", 1.0) as u64;
+    let mut hours = 0.0;
+    for seed in first.. {
+        for firmware in Firmware::ALL {
+            hours += sound_runs(firmware, seed, 3, true).0.as_secs_f64() / 3_600.0;
+        }
+        if seed >= first + 3 && hours >= wanted {
+            break;
+        }
+    }
+    assert!(hours > 0.5, "{hours:.2} h are too few for a statement");
 }
 
 #[test]

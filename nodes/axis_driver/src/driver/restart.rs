@@ -100,18 +100,21 @@ impl Driver {
         is_sure.then(|| format!("its buffers are empty and {lines} lines have no answer"))
     }
 
-    /// The words in force have fallen back: F is zero only after a start.
+    /// The words in force have fallen back: F is zero only after a start, and after G93.
     pub(super) fn on_parser_state(&mut self, text: &str) {
         let words = ModalWords::read(text);
+        let mut may_lack_feed = false;
         if let Phase::Running(run) = &mut self.phase {
             run.watch_words(&mut self.context, text);
+            may_lack_feed = run.may_lack_feed();
         }
         let before = self.context.machine.words.replace(words);
         if self.phase.is_unsettled() {
             return;
         }
         let fell_back = before.is_some_and(|before| {
-            !before.is_inverse_time
+            !may_lack_feed
+                && !before.is_inverse_time
                 && words.is_rapid
                 && !words.is_inverse_time
                 && before.feed_per_min.is_some_and(|feed| feed > 0.0)

@@ -1,5 +1,7 @@
 //! What does not fit, in words.
 
+use super::further::Off;
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use std::fmt;
 
@@ -27,6 +29,10 @@ pub enum Deviation {
         shown: Position,
         wanted: Position,
     },
+    Further {
+        culprit: Culprit,
+        off: Off,
+    },
     Feed {
         culprit: Culprit,
         feed_mm_per_min: f64,
@@ -45,6 +51,7 @@ impl Deviation {
         match self {
             Self::Place { culprit, .. }
             | Self::Offset { culprit, .. }
+            | Self::Further { culprit, .. }
             | Self::Feed { culprit, .. }
             | Self::Words { culprit, .. } => *culprit,
         }
@@ -79,6 +86,16 @@ impl fmt::Display for Deviation {
                 show(*shown),
                 show(*wanted)
             ),
+            Self::Further { off: Off { axis, is, ends: [low, high] }, .. } => {
+                let (letter, unit) = (FURTHER_LETTERS[*axis], unit(*axis));
+                write!(f, "{culprit} {letter} is at {is:.3} {unit} in the machine frame, where ")?;
+                match high - low < 0.000_5 {
+                    true => write!(f, "the lines that were sent have it at {low:.3}"),
+                    false => {
+                        write!(f, "the lines that were sent have it between {low:.3} and {high:.3}")
+                    }
+                }
+            }
             Self::Feed { feed_mm_per_min, allowed_mm_per_min, .. } => write!(
                 f,
                 "{culprit} the controller moves at {feed_mm_per_min:.0} mm/min; {:.0} mm/min is \
@@ -90,6 +107,10 @@ impl fmt::Display for Deviation {
             }
         }
     }
+}
+
+fn unit(axis: usize) -> &'static str {
+    if FurtherAxes::is_rotary(axis) { "degrees" } else { "mm" }
 }
 
 /// `X-100.000 Y0.000 Z0.000`

@@ -1,6 +1,7 @@
 //! The frame that the lines are written in: offsets as they were reported, and what the
 //! lines themselves change.
 
+use super::further::FurtherFrame;
 use cnc_msgs::geometry::Position;
 
 /// The offsets of the controller when a run begins; machine frame, mm, `None` where unknown.
@@ -17,17 +18,18 @@ pub struct Frame {
     /// 1 to 6.
     pub system: Option<u8>,
     pub tool_length_mm: Option<f64>,
+    pub further: FurtherFrame,
 }
 
 impl Frame {
     /// The same without what is in force.
     pub fn without_offset(self) -> Self {
-        Self { in_force: None, ..self }
+        Self { in_force: None, further: self.further.only_stored(), ..self }
     }
 
     /// The same with nothing in force.
     pub fn only_stored(self) -> Self {
-        Self { in_force: None, system: None, tool_length_mm: None, ..self }
+        Self { system: None, tool_length_mm: None, ..self.without_offset() }
     }
 
     /// The offset in force is that of the system in force: reports know it better than a list
@@ -52,6 +54,7 @@ impl Frame {
 
     pub(super) fn select(&mut self, system: Option<u8>) {
         self.system = system;
+        self.further.select(system);
         self.work_out();
     }
 
@@ -92,5 +95,6 @@ impl Frame {
     /// Nothing is known of what is in force.
     pub(super) fn forget(&mut self) {
         (self.in_force, self.system, self.tool_length_mm) = (None, None, None);
+        self.further = self.further.only_stored();
     }
 }

@@ -2,9 +2,11 @@
 //! force after them.
 
 use super::frame::Frame;
+use super::further::Turn;
 use super::moves::{ArcWay, Way};
 use super::words::LineWords;
 use cnc_msgs::contour::SpindleMode;
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{Plane, Position};
 
 /// The words that the lines have put in force; `None` where they have not said.
@@ -34,6 +36,10 @@ pub(super) struct Sent {
     pub(super) said: WordsInForce,
     /// Where the last line ends, machine frame, mm; `None` where that is not known.
     pub(super) place: Option<Position>,
+    /// The same of the further axes, as far as they are known.
+    pub(super) further: FurtherAxes,
+    /// How often the lines have changed what is in force.
+    pub(super) frame_changes: usize,
 }
 
 /// What one line asks for.
@@ -42,6 +48,7 @@ pub(super) struct Asked {
     pub(super) way: Option<Way>,
     /// `None`: as fast as X, Y and Z go; infinite: not known.
     pub(super) feed_mm_per_min: Option<f64>,
+    pub(super) turn: Turn,
 }
 
 impl Sent {
@@ -49,16 +56,23 @@ impl Sent {
     pub(super) fn take(&mut self, text: &str) -> Asked {
         let Some(words) = LineWords::read(text) else {
             // It may have gone anywhere, and said anything.
-            self.place = None;
+            (self.place, self.further) = (None, FurtherAxes::NONE);
             (self.words, self.said) = Default::default();
-            self.frame.forget();
-            return Asked { way: Some(Way::Anywhere), feed_mm_per_min: None };
+            self.forget_frame();
+            return Asked { way: Some(Way::Anywhere), ..Asked::NOTHING };
         };
         self.take_modal(&words);
         if words.has_g(100) {
             self.store_offset(&words);
             return Asked::NOTHING;
         }
+        let from = self.further;
+        let asked = self.take_move(&words);
+        Asked { turn: Turn { from, to: self.further }, ..asked }
+    }
+
+    /// Takes a line that stores no offset.
+    fn take_move(&mut self, words: &LineWords) -> Asked {
         if words.has_g(431) {
             self.frame.set_tool_length(words.axes[2].unwrap_or_default());
             return Asked::NOTHING;
@@ -72,37 +86,47 @@ impl Sent {
         if words.has_m(2) || words.has_m(30) {
             // What else it puts back differs between firmwares.
             (self.words, self.said) = Default::default();
-            self.frame.forget();
+            self.forget_frame();
         }
         if words.has_m(6) {
             // The controller may go to its changer, measure the tool and set its length.
             self.said = WordsInForce::default();
             self.frame.forget_tool_length();
-            self.place = None;
-            return Asked { way: Some(Way::Anywhere), feed_mm_per_min: None };
+            (self.place, self.further) = (None, FurtherAxes::NONE);
+            return Asked { way: Some(Way::Anywhere), ..Asked::NOTHING };
         }
+        self.further = self.frame.further.target(words, self.words.is_relative, self.further);
         if !words.has_axes() {
             // Other axes move: how fast says nothing of X, Y and Z, which stay.
             let stays = self.place.map_or(Way::Anywhere, |at| Way::Line { from: at, to: at });
-            return match words.has_further {
-                true => Asked { way: Some(stays), feed_mm_per_min: Some(f64::INFINITY) },
-                false => Asked::NOTHING,
+            return match words.further.is_empty() {
+                true => Asked::NOTHING,
+                false => Asked {
+                    way: Some(stays),
+                    feed_mm_per_min: Some(f64::INFINITY),
+                    ..Asked::NOTHING
+                },
             };
         }
         let reference = [280, 300].into_iter().position(|tenths| words.has_g(tenths));
         let target = match reference {
-            Some(index) => self.reference_target(&words, index),
-            None => self.target(&words),
+            Some(index) => self.reference_target(words, index),
+            None => self.target(words),
         };
-        let way = self.way(&words, target, reference.is_some());
+        let way = self.way(words, target, reference.is_some());
         self.place = target;
         let is_rapid = reference.is_some() || self.words.motion == Some(0);
-        let feed_mm_per_min = match words.has_further {
+        let feed_mm_per_min = match words.further.is_empty() {
+            true => self.words.feed.filter(|_| !is_rapid),
             // Boards count degrees as millimetres, or do not.
-            true => Some(f64::INFINITY),
-            false => self.words.feed.filter(|_| !is_rapid),
+            false => Some(f64::INFINITY),
         };
-        Asked { way: Some(way), feed_mm_per_min }
+        Asked { way: Some(way), feed_mm_per_min, ..Asked::NOTHING }
+    }
+
+    fn forget_frame(&mut self) {
+        self.frame_changes += 1;
+        self.frame.forget();
     }
 
     fn take_modal(&mut self, words: &LineWords) {
@@ -112,12 +136,15 @@ impl Sent {
             self.frame.set_tool_length(0.0);
         }
         if words.work_system().is_some() {
+            self.frame_changes += 1;
             self.frame.select(words.work_system());
         }
     }
 
     fn store_offset(&mut self, words: &LineWords) {
         let Some(system) = words.p.filter(|p| (1.0..=6.0).contains(p)) else { return };
+        self.frame_changes += 1;
+        self.frame.further.store(words, system as u8, self.frame.system, self.further);
         let length = self.frame.tool_length_mm;
         let origin = [0, 1, 2].map(|axis| {
             let value = words.axes[axis]?;
@@ -223,5 +250,5 @@ impl WordsInForce {
 }
 
 impl Asked {
-    const NOTHING: Self = Self { way: None, feed_mm_per_min: None };
+    const NOTHING: Self = Self { way: None, feed_mm_per_min: None, turn: Turn::UNKNOWN };
 }

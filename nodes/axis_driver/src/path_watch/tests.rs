@@ -7,6 +7,7 @@ fn board() -> Board {
         planner_blocks: Some(15),
         arc_tolerance_mm: 0.002,
         steps_per_mm: [Some(250.0); 3],
+        further_steps: [0.01; 6],
         units: ReportUnits::Millimetres,
         rates: Rates([5_000.0; 3]),
         speeds: [0.0, 24_000.0],
@@ -27,7 +28,7 @@ fn watch() -> PathWatch {
         tool_length_mm: Some(0.0),
         ..Frame::default()
     };
-    let mut watch = PathWatch::new(board(), frame, Some(ZERO));
+    let mut watch = PathWatch::new(board(), frame, Some(ZERO), FurtherAxes::NONE);
     send(&mut watch, &["G21G90G94G17G40G49G54"]);
     watch.on_answer();
     watch
@@ -243,8 +244,8 @@ fn the_end_is_where_the_last_line_ends() {
     let mut watch = watch();
     send(&mut watch, &["G1X10F600", "Y5"]);
     assert_eq!(watch.judge(&at([4.0, 0.0, 0.0])), None);
-    assert!(watch.clone().judge_end(at([10.0, 0.0, 0.0]).position).is_some());
-    assert_eq!(watch.judge_end(at([10.0, 5.0, 0.0]).position), None);
+    assert!(watch.clone().judge_end(at([10.0, 0.0, 0.0]).position, FurtherAxes::NONE).is_some());
+    assert_eq!(watch.judge_end(at([10.0, 5.0, 0.0]).position, FurtherAxes::NONE), None);
     assert!(watch.judge(&at([10.0, 4.0, 0.0])).is_some(), "it stands");
 }
 
@@ -255,7 +256,7 @@ fn after_a_resume_what_is_under_way_may_be_anywhere_and_what_follows_may_not() {
     assert!(watch.judge(&at([4.0, 2.0, 0.0])).is_some());
     watch.forgive();
     assert_eq!(watch.judge(&at([5.0, 2.5, 0.0])), None);
-    assert_eq!(watch.judge_end(at([10.0, 5.0, 0.0]).position), None);
+    assert_eq!(watch.judge_end(at([10.0, 5.0, 0.0]).position, FurtherAxes::NONE), None);
     send(&mut watch, &["X20Y5"]);
     let shown = Seen { work_offset: Some(ZERO), ..at([15.0, 5.0, 0.0]) };
     assert_eq!(watch.judge(&shown), None);
@@ -268,6 +269,83 @@ fn a_line_that_is_not_understood_may_go_anywhere_and_the_next_place_is_known_aga
     send(&mut watch, &["M6T2"]);
     assert_eq!(watch.judge(&at([40.0, 2.0, 9.0])), None);
     watch.on_answer();
-    watch.begin_again(None, at([1.0, 1.0, 1.0]).position);
+    watch.begin_again(None, at([1.0, 1.0, 1.0]).position, FurtherAxes::NONE);
     assert!(watch.judge(&at([2.0, 1.0, 1.0])).is_some());
+}
+
+#[test]
+fn a_further_axis_goes_with_its_line() {
+    const A: usize = 0;
+    let one = |value: f64| FurtherAxes::NONE.with(A, value);
+    let mut frame = FurtherFrame { shift: one(0.0), ..FurtherFrame::default() };
+    frame.systems[0] = one(-5.0);
+    let systems = [Some(ZERO); 6];
+    let tool_length_mm = Some(0.0);
+    let frame = Frame { systems, tool_length_mm, further: frame, ..Frame::default() };
+    let mut watch = PathWatch::new(board(), frame, Some(ZERO), one(-5.0));
+    send(&mut watch, &["G21G90G94G17G40G49G54"]);
+    watch.on_answer();
+    let seen = |x: f64, a: f64| Seen { further: one(a), ..at([x, 0.0, 0.0]) };
+    send(&mut watch, &["G1X10A90G93F10", "G0A180", "X0", "X10A0"]);
+    for (x, a) in [(0.0, -5.0), (5.0, 40.0), (10.0, 85.0), (10.0, 120.0), (5.0, 175.0), (8.0, 31.0)]
+    {
+        assert_eq!(watch.judge(&seen(x, a)), None, "X{x} A{a}");
+    }
+    let deviation = watch.clone().judge(&seen(9.0, 175.0)).expect("A has to turn back");
+    assert_eq!(
+        deviation.to_string(),
+        "at line 4 A is at 175.000 degrees in the machine frame, where the lines that were sent \
+         have it between 12.479 and 13.521"
+    );
+    // It is there, and A is not.
+    for _ in 0..4 {
+        watch.on_answer();
+    }
+    let end = at([10.0, 0.0, 0.0]).position;
+    let deviation = watch.clone().judge_end(end, one(0.0)).expect("A ends at -5");
+    assert!(deviation.to_string().contains("A is at 0.000 degrees"), "{deviation}");
+    assert_eq!(watch.judge_end(end, one(-5.0)), None);
+    // What the operator goes on with is judged from the next word on.
+    send(&mut watch, &["A90"]);
+    assert!(watch.clone().judge(&seen(10.0, 200.0)).is_some());
+    watch.forgive();
+    let shown = Seen { work_offset: Some(ZERO), ..seen(10.0, 200.0) };
+    assert_eq!(watch.judge(&shown), None);
+    send(&mut watch, &["X20", "A0"]);
+    assert_eq!(watch.judge(&seen(15.0, 200.0)), None);
+    for x in 21..60 {
+        send(&mut watch, &[&format!("X{x}")]);
+        watch.on_answer();
+    }
+    assert!(watch.judge(&seen(58.5, 200.0)).is_some());
+}
+
+#[test]
+fn the_zero_of_a_further_axis_is_taken_from_a_report_when_no_line_may_have_changed_it() {
+    let one = |value: f64| FurtherAxes::NONE.with(0, value);
+    let mut watch = PathWatch::new(board(), Frame::default(), Some(ZERO), one(0.0));
+    send(&mut watch, &["G90G54"]);
+    let shown = Seen { further: one(0.0), further_offset: one(7.0), ..at([0.0; 3]) };
+    watch.judge(&shown);
+    send(&mut watch, &["A1"]);
+    assert_eq!(watch.sent.further.get(0), None, "G54 has no answer yet");
+    watch.on_answer();
+    watch.judge(&shown);
+    send(&mut watch, &["A1"]);
+    assert_eq!(watch.sent.further.get(0), Some(8.0));
+}
+
+#[test]
+fn lines_that_turn_an_axis_are_done_when_the_planner_cannot_hold_them() {
+    let one = |value: f64| FurtherAxes::NONE.with(0, value);
+    let mut frame = FurtherFrame::default();
+    frame.systems[0] = one(0.0);
+    let frame = Frame { further: frame, ..Frame::default() };
+    let mut watch = PathWatch::new(board(), frame, Some(ZERO), one(0.0));
+    send(&mut watch, &["G90G54"]);
+    for angle in 0..1000 {
+        send(&mut watch, &[&format!("A{angle}")]);
+        watch.on_answer();
+    }
+    assert!(watch.moves.len() < 40, "{}", watch.moves.len());
 }

@@ -1,5 +1,7 @@
 //! The words of a line as the encoder writes it: `N12G1X10.5Y-.25F1200`.
 
+use cnc_msgs::further::FurtherAxes;
+
 /// The words of one line. The encoder writes each letter but G and M once.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct LineWords {
@@ -7,8 +9,7 @@ pub(super) struct LineWords {
     g: Vec<u16>,
     m: Vec<u16>,
     pub(super) axes: [Option<f64>; 3],
-    /// Whether it names A, B, C, U, V or W.
-    pub(super) has_further: bool,
+    pub(super) further: FurtherAxes,
     /// I, J, K.
     pub(super) center: [Option<f64>; 3],
     pub(super) feed: Option<f64>,
@@ -41,9 +42,8 @@ impl LineWords {
                 'S' => words.speed = Some(value),
                 'P' => words.p = Some(value),
                 'L' => words.l = Some(value),
-                'A' | 'B' | 'C' | 'U' | 'V' | 'W' => words.has_further = true,
                 'N' | 'T' => {}
-                _ => return None,
+                _ => words.further = words.further.with(FurtherAxes::index_of(letter)?, value),
             }
         }
         Some(words)
@@ -90,7 +90,8 @@ mod tests {
         let words = LineWords::read("G10L20P1X0").unwrap();
         assert_eq!((words.l, words.p), (Some(20.0), Some(1.0)));
         let words = LineWords::read("G93G1X1A-90.5F12.5").unwrap();
-        assert!(words.has_further && words.has_axes() && words.has_g(930));
+        assert_eq!(words.further.words(), " A-90.5");
+        assert!(words.has_axes() && words.has_g(930));
         assert!(!LineWords::read("G0A90").unwrap().has_axes());
         assert!(LineWords::read("M30").unwrap().has_m(30));
         for text in ["$H", "G", "GX1", "G1X1.2.3", "X"] {

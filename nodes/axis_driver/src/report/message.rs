@@ -3,7 +3,7 @@
 //! All of them are pushed or belong to a question; none of them is an answer.
 
 use super::ReportUnits;
-use super::number::{parse_count, parse_number, parse_position};
+use super::number::{parse_count, parse_further, parse_number, parse_position};
 use cnc_msgs::geometry::Position;
 
 /// A line in brackets.
@@ -36,7 +36,12 @@ pub enum Message {
     /// `[PRB:5.000,0.000,-3.988:1]`, machine frame, mm.
     Probe { position: Position, has_touched: bool },
     /// `[G54:0.000,0.000,0.000]`, also G28, G30 and G92; mm.
-    Offset { name: String, position: Position },
+    Offset {
+        name: String,
+        position: Position,
+        /// The values after X, Y and Z, as they are printed.
+        further: Vec<f64>,
+    },
     /// `[TLO:0.000]`, mm. Where it is reported for each axis, the one farthest from zero.
     ToolLength(f64),
     /// `[SETTING:110|10|X-axis maximum rate|mm/min|6|...]`: what the controller calls a
@@ -137,7 +142,8 @@ impl Message {
             "echo" => Self::Echo(value.trim_start().to_owned()),
             "JSON" => Self::Json(value.to_owned()),
             _ if is_place(key) => {
-                Self::Offset { name: key.to_owned(), position: parse_position(value, units)? }
+                let position = parse_position(value, units)?;
+                Self::Offset { name: key.to_owned(), position, further: parse_further(value) }
             }
             _ => return None,
         })

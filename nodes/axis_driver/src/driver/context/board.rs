@@ -41,7 +41,11 @@ mod tests {
         machine.on_setting(12, "0.010");
         machine.on_setting(32, "1");
         for (name, position) in [("G55", [-300.0, -200.5, -40.0]), ("G92", [0.0, 0.5, 10.0])] {
-            machine.on_message(&Message::Offset { name: name.into(), position });
+            machine.on_message(&Message::Offset {
+                name: name.into(),
+                position,
+                further: Vec::new(),
+            });
         }
         let shift = [0.0, 0.5, 10.0];
         let work_offsets = [shift, [-300.0, -200.0, -30.0], shift, shift, shift, shift];

@@ -4,10 +4,12 @@
 //! have values, and calls them A, B and C.
 
 use super::machine::Machine;
+use crate::path_watch::FurtherFrame;
 use crate::report::{ReportUnits, StatusReport};
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::machine::FurtherPlaces;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// What the board has said of its further axes.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -20,6 +22,10 @@ pub(in crate::driver) struct FurtherState {
     offset: Vec<f64>,
     machine: FurtherAxes,
     work: FurtherAxes,
+    /// The stored offsets by their names, as they were printed, where they have values after X, Y
+    /// and Z.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    stored: BTreeMap<String, Vec<f64>>,
 }
 
 impl FurtherState {
@@ -41,21 +47,22 @@ impl FurtherState {
         self.letters = Some(letters.to_owned());
     }
 
+    /// Values after X, Y and Z, as they are printed: degrees, and lengths in these units.
+    fn read(&self, values: &[f64], units: ReportUnits) -> FurtherAxes {
+        self.axes().iter().zip(values).fold(FurtherAxes::NONE, |all, (axis, value)| match axis {
+            Some(axis) if FurtherAxes::is_rotary(*axis) => all.with(*axis, *value),
+            Some(axis) => all.with(*axis, value * units.millimetres()),
+            None => all,
+        })
+    }
+
     /// Takes what a report says of them.
     fn on_status(&mut self, report: &StatusReport, units: ReportUnits) {
         self.count = self.count.max(report.further.len()).min(FURTHER_LETTERS.len());
         if report.work_offset.is_some() {
             self.offset.clone_from(&report.further_offset);
         }
-        let axes = self.axes();
-        let read = |values: &[f64]| {
-            axes.iter().zip(values).fold(FurtherAxes::NONE, |all, (axis, value)| match axis {
-                Some(axis) if FurtherAxes::is_rotary(*axis) => all.with(*axis, *value),
-                Some(axis) => all.with(*axis, value * units.millimetres()),
-                None => all,
-            })
-        };
-        let (is, offset) = (read(&report.further), read(&self.offset));
+        let (is, offset) = (self.read(&report.further, units), self.read(&self.offset, units));
         let shifted = |sign: f64| match offset.bits() == is.bits() {
             true => is.map(|axis, value| value + sign * offset.get(axis).unwrap_or(0.0)),
             false => FurtherAxes::NONE,
@@ -72,13 +79,52 @@ impl Machine {
         self.further.on_letters(letters);
     }
 
-    /// Before the other position is worked out from the offset.
-    pub(in crate::driver) fn on_further_status(&mut self, report: &StatusReport) {
-        let units = match self.reports_in_inches() {
+    /// The values of a stored offset after X, Y and Z.
+    pub(in crate::driver) fn on_further_offset(&mut self, name: &str, values: &[f64]) {
+        if !values.is_empty() {
+            self.further.stored.insert(name.to_owned(), values.to_vec());
+        }
+    }
+
+    fn report_units(&self) -> ReportUnits {
+        match self.reports_in_inches() {
             true => ReportUnits::Inches,
             false => ReportUnits::Millimetres,
-        };
+        }
+    }
+
+    /// Before the other position is worked out from the offset.
+    pub(in crate::driver) fn on_further_status(&mut self, report: &StatusReport) {
+        let units = self.report_units();
         self.further.on_status(report, units);
+    }
+
+    /// The offset of these axes in the newest report; none where it has no work offset.
+    pub(in crate::driver) fn further_offset_shown(&self) -> FurtherAxes {
+        let report = self.status.as_ref().filter(|_| self.shown.work_offset.is_some());
+        report.map_or(FurtherAxes::NONE, |report| {
+            self.further.read(&report.further_offset, self.report_units())
+        })
+    }
+
+    /// The offsets of these axes as they are known now.
+    pub(in crate::driver) fn further_frame(&self) -> FurtherFrame {
+        let units = self.report_units();
+        let stored = |name: &str| {
+            let values = self.further.stored.get(name);
+            values.map_or(FurtherAxes::NONE, |values| self.further.read(values, units))
+        };
+        let shift = stored("G92");
+        let system = |index: usize| {
+            let zero = stored(&format!("G{}", 54 + index));
+            let known =
+                zero.iter().filter_map(|(axis, zero)| Some((axis, zero + shift.get(axis)?)));
+            known.fold(FurtherAxes::NONE, |all, (axis, zero)| all.with(axis, zero))
+        };
+        let FurtherState { machine, work, .. } = self.further;
+        let both = machine.iter().filter_map(|(axis, at)| Some((axis, at - work.get(axis)?)));
+        let in_force = both.fold(FurtherAxes::NONE, |all, (axis, zero)| all.with(axis, zero));
+        FurtherFrame { systems: std::array::from_fn(system), shift, in_force }
     }
 
     /// The axes that the board has besides X, Y and Z, as the bits of [`FurtherAxes`].
@@ -93,6 +139,11 @@ impl Machine {
         let number = index.and_then(|index| u16::try_from(103 + index).ok());
         let steps = number.and_then(|number| self.settings.get(&number)).copied();
         steps.filter(|steps| *steps > 0.0).map_or(0.2, f64::recip)
+    }
+
+    /// Where they are in the machine frame, as far as it is known.
+    pub(in crate::driver) fn further_machine(&self) -> FurtherAxes {
+        self.further.machine
     }
 
     /// Where they are, as far as it is known; `None` where the board has none.

@@ -193,8 +193,9 @@ impl Machine {
                 self.planner_blocks = *planner_blocks;
                 return Some(*receive_bytes);
             }
-            Message::Offset { name, position } => {
+            Message::Offset { name, position, further } => {
                 self.remember(name, *position);
+                self.on_further_offset(name, further);
             }
             Message::Axes(letters) => self.on_further_letters(letters),
             Message::Firmware(name) => {

@@ -39,6 +39,7 @@ impl Machine {
             planner_blocks: self.reported_planner_blocks(),
             arc_tolerance_mm: self.board().arc_tolerance_mm,
             steps_per_mm: [100, 101, 102].map(setting),
+            further_steps: std::array::from_fn(|axis| self.further_step(axis)),
             units,
             rates: Rates(self.fastest_mm_per_min()),
             speeds: [setting(31).unwrap_or(0.0), setting(30).unwrap_or(f64::INFINITY)],
@@ -47,7 +48,8 @@ impl Machine {
         let frame = if is_fresh { frame.only_stored() } else { frame };
         // A work position is one in the machine frame only with the offset in force.
         let is_placed = self.shown.has_machine_position || self.is_offset_in_force();
-        let mut watch = PathWatch::new(board, frame, self.machine_position().filter(|_| is_placed));
+        let place = self.machine_position().filter(|_| is_placed);
+        let mut watch = PathWatch::new(board, frame, place, self.further_machine());
         watch.has_shown(self.work_offset);
         watch
     }
@@ -86,6 +88,7 @@ impl Machine {
                 true => stored("TLO").map(|length| length[2]),
                 false => Some(0.0),
             }),
+            further: self.further_frame(),
         }
     }
 }

@@ -22,6 +22,8 @@ pub(super) struct RunWatch {
     doubt: Option<Doubt>,
     /// The controller has told its offsets just before the first line.
     has_fresh_offsets: bool,
+    /// A line with G93 was sent before the last words in force came, and since then.
+    inverse_times: [bool; 2],
 }
 
 /// A report that may be wrong itself: a byte of it was damaged, or the firmware has read its
@@ -73,6 +75,7 @@ impl ProgramRun {
 
     /// A line of the run is sent now.
     pub(super) fn watch_line(&mut self, text: &str, source_line: u32, element: Option<usize>) {
+        self.watch.inverse_times[1] |= text.contains("G93");
         let Some(watch) = &mut self.watch.watch else { return };
         let element = element.and_then(|index| self.job.request.path.elements.get(index));
         let block = element.and_then(|element| element.source.block);
@@ -124,6 +127,8 @@ impl ProgramRun {
         let seen = Seen {
             position: machine.machine_position(),
             is_by_offset: !machine.shown.has_machine_position,
+            further: machine.further_machine(),
+            further_offset: machine.further_offset_shown(),
             work_offset: machine.shown.work_offset,
             feed_mm_per_min: machine.status.as_ref().and_then(StatusReport::speed_mm_per_min),
             feed_override: machine.speeds().feed,
@@ -139,6 +144,14 @@ impl ProgramRun {
             }
             None => *doubt = None,
         }
+    }
+
+    /// Whether the words in force that have come now may have no feed: after G93 none is in force
+    /// until the next F. The line may have been read before the words or after them.
+    pub(in crate::driver) fn may_lack_feed(&mut self) -> bool {
+        let [before, since] = self.watch.inverse_times;
+        self.watch.inverse_times = [since, false];
+        before || since
     }
 
     /// Judges the words in force, which come among the answers.
@@ -162,18 +175,18 @@ impl ProgramRun {
         if self.watch.is_deviated {
             return EndOfLines::Waits;
         }
-        let at = context.machine.machine_position();
+        let (at, further) = (context.machine.machine_position(), context.machine.further_machine());
         if matches!(then, Then::GoOn | Then::ControllerChange { .. }) {
             let frame = context.machine.frame();
             if let Some(watch) = &mut self.watch.watch {
-                watch.begin_again(Some(frame), at);
+                watch.begin_again(Some(frame), at, further);
             }
             return EndOfLines::There;
         }
         let RunWatch { watch: Some(watch), doubt, .. } = &mut self.watch else {
             return EndOfLines::There;
         };
-        let Some(deviation) = watch.judge_end(at) else {
+        let Some(deviation) = watch.judge_end(at, further) else {
             if matches!(then, Then::Home { .. }) {
                 watch.forget_words();
             }
@@ -195,11 +208,11 @@ impl ProgramRun {
 
     /// The tool change is over; the tool stands here.
     pub(super) fn watch_from(&mut self, context: &Context, is_touched: bool) {
-        let at = context.machine.machine_position();
+        let (at, further) = (context.machine.machine_position(), context.machine.further_machine());
         // The words that follow say what is in force then.
         let frame = is_touched.then(|| context.machine.frame());
         if let Some(watch) = &mut self.watch.watch {
-            watch.begin_again(frame.map(|frame| frame.without_offset()), at);
+            watch.begin_again(frame.map(|frame| frame.without_offset()), at, further);
         }
     }
 

@@ -50,9 +50,11 @@ fn a_grblhal_build_describes_itself() {
 #[test]
 fn places_and_lengths_are_in_millimetres() {
     for name in ["G54", "G59", "G59.3", "G28", "G30", "G92"] {
-        let wanted = Message::Offset { name: name.into(), position: [1.0, 2.0, 3.0] };
-        assert_eq!(message(&format!("[{name}:1.000,2.000,3.000]")), wanted);
-        assert_eq!(message(&format!("[{name}:1.000,2.000,3.000,4.000]")), wanted);
+        for (values, further) in [("", vec![]), (",4.000", vec![4.0])] {
+            let position = [1.0, 2.0, 3.0];
+            let wanted = Message::Offset { name: name.into(), position, further };
+            assert_eq!(message(&format!("[{name}:1.000,2.000,3.000{values}]")), wanted);
+        }
     }
     let scaling = Message::Other("G51:1.000,1.000,1.000".into());
     assert_eq!(message("[G51:1.000,1.000,1.000]"), scaling);

@@ -1,0 +1,218 @@
+//! A, B, C, U, V and W: where the lines take them, and whether a report fits.
+//!
+//! The place of X, Y and Z says how far a line is done, and so where these axes are. Where a line
+//! does not move X, Y and Z they may be anywhere between its ends. Degrees and mm, machine frame.
+//! An axis whose place or zero is not known is not judged.
+
+use super::tolerances::{LAST_PLACES, PATH_MM, REPORT_MM, ROUNDED_NUMBERS};
+use super::words::LineWords;
+use cnc_msgs::further::FurtherAxes;
+
+/// A turn: a board may report an angle within one.
+const TURN_DEGREES: f64 = 360.0;
+
+/// The offsets of the controller for these axes; those that are not named are not known.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FurtherFrame {
+    /// G54 to G59, each with the shift of G92.
+    pub systems: [FurtherAxes; 6],
+    /// The shift of G92.
+    pub shift: FurtherAxes,
+    /// Machine = work + this.
+    pub in_force: FurtherAxes,
+}
+
+impl FurtherFrame {
+    /// The same with nothing in force.
+    pub(super) fn only_stored(self) -> Self {
+        Self { in_force: FurtherAxes::NONE, ..self }
+    }
+
+    fn system(&mut self, system: Option<u8>) -> Option<&mut FurtherAxes> {
+        self.systems.get_mut(usize::from(system?).checked_sub(1)?)
+    }
+
+    pub(super) fn select(&mut self, system: Option<u8>) {
+        self.in_force = self.system(system).map_or(FurtherAxes::NONE, |zero| *zero);
+    }
+
+    /// G10 L2, or L20 at this place; `in_force` is the system in force, where it is known.
+    pub(super) fn store(
+        &mut self,
+        words: &LineWords,
+        system: u8,
+        in_force: Option<u8>,
+        place: FurtherAxes,
+    ) {
+        for (axis, value) in words.further.iter() {
+            let zero = match words.l == Some(20.0) {
+                true => place.get(axis).map(|place| place - value),
+                false => self.shift.get(axis).map(|shift| value + shift),
+            };
+            if let Some(stored) = self.system(Some(system)) {
+                *stored = zero.map_or(stored.without(axis), |zero| stored.with(axis, zero));
+            }
+        }
+        if in_force.is_none_or(|in_force| in_force == system) {
+            self.select(in_force);
+        }
+    }
+
+    /// Where a line takes the axes from a place.
+    pub(super) fn target(
+        &self,
+        words: &LineWords,
+        is_relative: Option<bool>,
+        place: FurtherAxes,
+    ) -> FurtherAxes {
+        if words.has_g(280) || words.has_g(300) {
+            // Only the machine knows where that is; without axes all of them go there.
+            let are_all = !words.has_axes() && words.further.is_empty();
+            let gone = if are_all { place } else { words.further };
+            return gone.iter().fold(place, |place, (axis, _)| place.without(axis));
+        }
+        words.further.iter().fold(place, |place, (axis, value)| {
+            let zero = match (words.has_g(530), is_relative) {
+                (true, _) => Some(0.0),
+                (false, Some(false)) => self.in_force.get(axis),
+                _ => None,
+            };
+            zero.map_or(place.without(axis), |zero| place.with(axis, zero + value))
+        })
+    }
+
+    /// A report shows these offsets, and all lines that change them are answered: those that were
+    /// not known are known.
+    pub(super) fn adopt(&mut self, shown: FurtherAxes) {
+        self.in_force = self.in_force.or(shown);
+    }
+}
+
+/// What one line does with these axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Turn {
+    pub(super) from: FurtherAxes,
+    pub(super) to: FurtherAxes,
+}
+
+/// An axis that is not where it can be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Off {
+    /// 0 for A.
+    pub axis: usize,
+    pub is: f64,
+    /// It should be between these.
+    pub ends: [f64; 2],
+}
+
+impl Turn {
+    /// Nothing is known of them.
+    pub(super) const UNKNOWN: Self = Self { from: FurtherAxes::NONE, to: FurtherAxes::NONE };
+
+    pub(super) fn at(place: FurtherAxes) -> Self {
+        Self { from: place, to: place }
+    }
+
+    /// Whether an axis moves by more than so many of its steps.
+    pub(super) fn moves(&self, steps: &[f64; 6], most: f64) -> bool {
+        self.to.iter().any(|(axis, to)| {
+            self.from.get(axis).is_some_and(|from| (to - from).abs() > most * steps[axis])
+        })
+    }
+
+    /// The first axis that is not where it is after these shares of the line.
+    pub(super) fn off(
+        &self,
+        seen: FurtherAxes,
+        [least, most]: [f64; 2],
+        steps: &[f64; 6],
+    ) -> Option<Off> {
+        seen.iter().find_map(|(axis, is)| {
+            let (from, to) = (self.from.get(axis)?, self.to.get(axis)?);
+            let [one, other] = [least, most].map(|part| from + (to - from) * part.clamp(0.0, 1.0));
+            let ends = [one.min(other), one.max(other)];
+            let largest = is.abs().max(from.abs()).max(to.abs());
+            let tolerance = PATH_MM
+                + ROUNDED_NUMBERS * REPORT_MM
+                + steps[axis]
+                + LAST_PLACES * largest * f64::from(f32::EPSILON);
+            let [low, high] = [ends[0] - tolerance, ends[1] + tolerance];
+            let turned = match FurtherAxes::is_rotary(axis) {
+                // The lowest angle of the same direction that is not below.
+                true => low + (is - low).rem_euclid(TURN_DEGREES),
+                false => is,
+            };
+            (!(low..=high).contains(&turned)).then_some(Off { axis, is, ends })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A: usize = 0;
+    const U: usize = 3;
+
+    fn one(axis: usize, value: f64) -> FurtherAxes {
+        FurtherAxes::NONE.with(axis, value)
+    }
+
+    #[test]
+    fn an_axis_is_as_far_as_its_line() {
+        let turn = |axis, from, to| Turn { from: one(axis, from), to: one(axis, to) };
+        // The line, the shares of it that are done, where the axis is, and whether that fits.
+        for (turn, parts, seen, fits) in [
+            (turn(A, 0.0, 90.0), [0.5, 0.5], one(A, 45.0), true),
+            (turn(A, 0.0, 90.0), [0.5, 0.5], one(A, 45.2), false),
+            (turn(A, 0.0, 90.0), [0.0, 1.0], one(A, 89.0), true),
+            (turn(A, 90.0, 0.0), [0.25, 0.5], one(A, 60.0), true),
+            (turn(A, 90.0, 0.0), [0.25, 0.5], one(A, 70.0), false),
+            // Boards that count within one turn.
+            (turn(A, 700.0, 760.0), [0.5, 0.5], one(A, 10.0), true),
+            (turn(A, -30.0, -30.0), [0.0, 1.0], one(A, 330.0), true),
+            (turn(A, -30.0, -30.0), [0.0, 1.0], one(A, 331.0), false),
+            (turn(U, 0.0, 10.0), [0.5, 0.5], one(U, 365.0), false),
+            (turn(U, 0.0, 10.0), [0.5, 0.5], one(U, 5.0), true),
+            // What is not known, and what is not reported.
+            (turn(U, 0.0, 10.0), [0.5, 0.5], one(A, 5.0), true),
+            (turn(U, 0.0, 10.0), [0.5, 0.5], FurtherAxes::NONE, true),
+        ] {
+            let off = turn.off(seen, parts, &[0.01; 6]);
+            assert_eq!(off.is_none(), fits, "{turn:?} {parts:?} {seen:?}: {off:?}");
+        }
+    }
+
+    #[test]
+    fn lines_are_followed_in_their_frame() {
+        let mut frame = FurtherFrame { shift: one(A, 1.0), ..FurtherFrame::default() };
+        frame.systems[0] = one(A, 10.0);
+        let mut place = FurtherAxes::NONE;
+        for (text, wanted) in [
+            ("G0A5", None),
+            ("G54", None),
+            ("G0A5", Some(15.0)),
+            ("G1X3", Some(15.0)),
+            ("G53G0A5", Some(5.0)),
+            ("G10L2P1A20", Some(5.0)),
+            ("A1", Some(22.0)),
+            ("G10L20P1A0", Some(22.0)),
+            ("A1", Some(23.0)),
+            ("G91A1", None),
+            ("A0", Some(22.0)),
+            ("G28Z0", Some(22.0)),
+            ("G28", None),
+            ("A0", Some(22.0)),
+            ("G55", Some(22.0)),
+            ("A0", None),
+        ] {
+            let words = LineWords::read(text).expect("a line");
+            match (words.has_g(100), words.work_system()) {
+                (true, _) => frame.store(&words, 1, Some(1), place),
+                (false, None) => place = frame.target(&words, Some(words.has_g(910)), place),
+                (false, system) => frame.select(system),
+            }
+            assert_eq!(place.get(A), wanted, "{text}");
+        }
+    }
+}

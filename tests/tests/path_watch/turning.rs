@@ -1,0 +1,120 @@
+//! A damaged word of an axis that turns.
+
+use crate::damaged::spoil;
+use crate::parts::{Part, Random, holding, number, random_part, turn_along, turning_router};
+use axis_driver::driver::{Command, DriverConfig, RunOutcome};
+use cnc_msgs::contour::Action;
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
+use cnc_msgs::machine::Mode;
+use cnc_msgs::path::CompensatedPath;
+use kerf_tests::line::Line;
+use std::time::Duration;
+use virtual_controller::Firmware;
+
+/// How far A is off where nobody notices it: a step, and what reports are rounded to.
+const OFF_DEGREES: f64 = 0.1;
+
+/// The board's own count of A.
+fn angle(line: &Line) -> f64 {
+    line.controller.device().controller().axes()[3]
+}
+
+fn turn(angle: f64, mode: FurtherMode) -> Action {
+    Action::Further(FurtherMove { axes: FurtherAxes::NONE.with(0, angle), mode })
+}
+
+/// A goes to and fro with the lines and between them, and once each way differs from all others.
+fn part(mode: FurtherMode) -> CompensatedPath {
+    let mut part = Part::new();
+    part.event(turn(0.0, FurtherMode::Rapid));
+    for round in 0..30 {
+        let x = 20.0 + f64::from(round % 2);
+        part.event(turn(50.0 + f64::from(round), mode));
+        part.line([x, 0.0, 0.0]);
+        part.event(turn(10.0, mode));
+        part.line([0.0, 5.0, 0.0]);
+    }
+    let mut path = part.path;
+    // Words of a block have the place of the block.
+    for event in &mut path.events {
+        event.source = path.elements[event.at_element].source;
+    }
+    path
+}
+
+#[test]
+fn a_damaged_angle_is_held() {
+    for firmware in Firmware::ALL {
+        for mode in [FurtherMode::Along, FurtherMode::Feed(3_000.0)] {
+            for (from, to) in [("A50", "A20"), ("A56", "A57"), ("A10", "A310"), ("A10", "A")] {
+                let what = format!("{firmware} {mode:?}: {from} as {to}");
+                let config = DriverConfig { line_check_interval_ms: 0, ..holding() };
+                let mut line = turning_router(firmware, &[], config);
+                line.start(part(mode), 0);
+                line.spoil_next(move |bytes| {
+                    let text = String::from_utf8_lossy(bytes);
+                    text.contains(from).then(|| text.replacen(from, to, 1).into_bytes())
+                });
+                line.until("held", |line| {
+                    line.finished.is_some() || matches!(line.mode(), Mode::Hold)
+                });
+                assert!(!line.is_spoil_due(), "{what}");
+                line.wait(0.5);
+                let verdict = match &line.finished {
+                    Some(result) => format!("{}: {}", result.error_code, result.message),
+                    None => line.state().reason,
+                };
+                if to == "A" {
+                    // No number: the controller refuses it.
+                    assert!(verdict.starts_with("309"), "{what}: {verdict}");
+                    continue;
+                }
+                let named = verdict.starts_with("PATH_DEVIATION: at line ");
+                assert!(named && verdict.contains(" A is at "), "{what}: {verdict}");
+                line.ask(Command::CancelRun { run: None }).expect("canceled");
+                assert_eq!(line.result().outcome, RunOutcome::Canceled, "{what}");
+            }
+        }
+    }
+}
+
+/// `KERF_WATCH_DAMAGES` and `KERF_WATCH_SEED` as for three axes.
+#[test]
+fn a_run_with_a_damage_that_ends_well_has_its_axis_where_it_belongs() {
+    const PATIENCE: Duration = Duration::from_secs(600);
+    let wanted = number("KERF_WATCH_DAMAGES", 150.0) as u64;
+    let mut random = Random(number("KERF_WATCH_SEED", 1.0) as u64);
+    let (mut damages, mut held, mut turned) = (0, 0, 0);
+    while damages < wanted {
+        let firmware = random.of(&Firmware::ALL);
+        let mut line = turning_router(firmware, &[], holding());
+        let elements = 20 + random.below(30) as usize;
+        let mut path = random_part(&mut random, elements);
+        let end = turn_along(&mut path, &mut random);
+        line.forget_written();
+        line.start(path, 0);
+        line.wait(random.between(0.0, 3.0));
+        let mut chance = Random(random.next());
+        let begin = line.now;
+        line.spoil_next(move |bytes| spoil(bytes, &mut chance));
+        while line.finished.is_none() {
+            let stands = matches!(line.mode(), Mode::Hold | Mode::Door | Mode::ToolChange);
+            if stands || line.now > begin + PATIENCE {
+                let reason = line.state().reason;
+                held += u64::from(reason.starts_with("PATH_DEVIATION"));
+                turned += u64::from(reason.contains(" A is at "));
+                line.begin(Command::CancelRun { run: None });
+                line.until("canceled", |line| line.finished.is_some());
+                break;
+            }
+            line.wait(0.02);
+        }
+        damages += u64::from(!line.is_spoil_due());
+        let result = line.finished.take().expect("it has ended");
+        if result.outcome == RunOutcome::Succeeded {
+            let off = (angle(&line) - end).abs();
+            assert!(off < OFF_DEGREES, "{firmware}: A ends {off:.3} degrees off: {result:?}");
+        }
+    }
+    assert!(held > 20 && turned > 3, "{held} of {damages} were held, {turned} for A");
+}
