@@ -201,6 +201,8 @@ fn the_feed_from_before_a_hold_is_no_motion() {
 fn no_feed_after_g93_is_no_restart() {
     // Words are asked for where a rapid follows a line that was sent as a time.
     sound_runs(Firmware::FluidNc, 103, 1, true);
+    // In the words of the next run.
+    sound_runs(Firmware::FluidNc, 172, 2, true);
 }
 
 /// `KERF_WATCH_HOURS` and `KERF_WATCH_SEED` as above.

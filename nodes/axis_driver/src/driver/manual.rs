@@ -162,6 +162,7 @@ impl ManualOperation {
         if self.until.is_some() && !self.is_homing() {
             self.until = Some(context.now + ANSWER);
         }
+        context.machine.on_sent(&text);
         context.link.send_line(&text, self.kind, Origin::Manual);
         true
     }

@@ -103,11 +103,10 @@ impl Driver {
     /// The words in force have fallen back: F is zero only after a start, and after G93.
     pub(super) fn on_parser_state(&mut self, text: &str) {
         let words = ModalWords::read(text);
-        let mut may_lack_feed = false;
         if let Phase::Running(run) = &mut self.phase {
             run.watch_words(&mut self.context, text);
-            may_lack_feed = run.may_lack_feed();
         }
+        let may_lack_feed = self.context.machine.may_lack_feed();
         let before = self.context.machine.words.replace(words);
         if self.phase.is_unsettled() {
             return;

@@ -65,6 +65,9 @@ pub(in crate::driver) struct Machine {
     /// The words in force, as they were reported last.
     #[serde(default)]
     pub(in crate::driver) words: Option<ModalWords>,
+    /// A line with G93 was sent before they came, and since then.
+    #[serde(default, skip_serializing_if = "is_neither")]
+    inverse_times: [bool; 2],
     /// The most blocks and bytes that were ever free.
     #[serde(default)]
     most_free: (u16, u16),
@@ -95,6 +98,10 @@ pub(in crate::driver) struct Shown {
     pub(in crate::driver) has_machine_position: bool,
 }
 
+fn is_neither(both: &[bool; 2]) -> bool {
+    *both == [false; 2]
+}
+
 impl Machine {
     /// Forgets what was known: the port is a new one.
     pub(in crate::driver) fn on_port(&mut self) {
@@ -115,6 +122,7 @@ impl Machine {
         self.place = PlaceWatch::default();
         self.doubted_offset = None;
         self.words = None;
+        self.inverse_times = Default::default();
         self.status = None;
         self.work_offset = None;
         self.work_system = Some(1);
@@ -181,6 +189,19 @@ impl Machine {
         let most = (self.most_free.0.max(blocks), self.most_free.1.max(bytes));
         let was_known = std::mem::replace(&mut self.most_free, most) != (0, 0);
         was_known && most == (blocks, bytes)
+    }
+
+    /// Takes a line that is sent now.
+    pub(in crate::driver) fn on_sent(&mut self, text: &str) {
+        self.inverse_times[1] |= text.contains("G93");
+    }
+
+    /// Whether the words in force that have come now may have no feed: after G93 none is in force
+    /// until the next F. The line may have been read before the words or after them.
+    pub(in crate::driver) fn may_lack_feed(&mut self) -> bool {
+        let [before, since] = self.inverse_times;
+        self.inverse_times = [since, false];
+        before || since
     }
 
     /// Takes a message; gives the size of the receive buffer if the message has it.

@@ -92,6 +92,7 @@ impl ProgramRun {
                     self.is_alone = line.is_alone;
                     let EncodedLine { text, kind, element, source_line, events, .. } = line;
                     self.watch_line(&text, source_line, element);
+                    context.machine.on_sent(&text);
                     context.link.send_line(
                         &text.clone(),
                         kind,

@@ -22,8 +22,6 @@ pub(super) struct RunWatch {
     doubt: Option<Doubt>,
     /// The controller has told its offsets just before the first line.
     has_fresh_offsets: bool,
-    /// A line with G93 was sent before the last words in force came, and since then.
-    inverse_times: [bool; 2],
 }
 
 /// A report that may be wrong itself: a byte of it was damaged, or the firmware has read its
@@ -75,7 +73,6 @@ impl ProgramRun {
 
     /// A line of the run is sent now.
     pub(super) fn watch_line(&mut self, text: &str, source_line: u32, element: Option<usize>) {
-        self.watch.inverse_times[1] |= text.contains("G93");
         let Some(watch) = &mut self.watch.watch else { return };
         let element = element.and_then(|index| self.job.request.path.elements.get(index));
         let block = element.and_then(|element| element.source.block);
@@ -144,14 +141,6 @@ impl ProgramRun {
             }
             None => *doubt = None,
         }
-    }
-
-    /// Whether the words in force that have come now may have no feed: after G93 none is in force
-    /// until the next F. The line may have been read before the words or after them.
-    pub(in crate::driver) fn may_lack_feed(&mut self) -> bool {
-        let [before, since] = self.watch.inverse_times;
-        self.watch.inverse_times = [since, false];
-        before || since
     }
 
     /// Judges the words in force, which come among the answers.
