@@ -12,6 +12,7 @@
 //! the first place within the tolerance or after it, never before. One report alone does not
 //! say so: it may be the one that is wrong. Knows no ports and no time.
 
+mod board;
 mod bound;
 mod deviation;
 mod frame;
@@ -25,6 +26,7 @@ mod tests;
 mod tolerances;
 mod words;
 
+pub use board::Board;
 pub use deviation::{Culprit, Deviation};
 pub use frame::Frame;
 pub use further::{FurtherFrame, Off};
@@ -39,29 +41,7 @@ use moves::{Nearest, Way};
 use sent::{Sent, WordsInForce};
 use speed::SpeedWatch;
 use std::collections::VecDeque;
-use tolerances::{
-    ARC_DRAWN_MM, ARC_TOLERANCES, BLOCKS_AT_THE_STEPS, LAST_PLACES, PATH_MM,
-    PLANNER_BLOCKS_UNKNOWN, REPORT_INCH_MM, REPORT_MM, ROUNDED_NUMBERS, SAME_MM, STEP_MM_UNKNOWN,
-    STEPS, STEPS_OF_A_BLOCK,
-};
-
-/// What the board has said of itself, as far as positions depend on it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Board {
-    /// Lines that the planner holds, where it says so.
-    pub planner_blocks: Option<u16>,
-    /// `$12`, mm.
-    pub arc_tolerance_mm: f64,
-    /// `$100` to `$102`.
-    pub steps_per_mm: [Option<f64>; 3],
-    /// How far a step moves each of the further axes, degrees or mm.
-    pub further_steps: [f64; 6],
-    /// The unit that reports are printed in.
-    pub units: ReportUnits,
-    pub rates: Rates,
-    /// The least and the most that the spindle turns at (`$31`, `$30`), 1/min.
-    pub speeds: [f64; 2],
-}
+use tolerances::{BLOCKS_AT_THE_STEPS, PATH_MM, PLANNER_BLOCKS_UNKNOWN, SAME_MM, STEPS_OF_A_BLOCK};
 
 /// What a status report says.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -122,6 +102,8 @@ pub struct PathWatch {
     lines_sent: usize,
     /// The work offset that reports have shown last.
     shown: Option<Position>,
+    /// The same of the further axes.
+    shown_further: FurtherAxes,
     /// What the controller reports next is taken as it is.
     takes_offset: bool,
     speed: SpeedWatch,
@@ -149,6 +131,7 @@ impl PathWatch {
             parsed: After { words: WordsInForce::default(), offset, frame_changes: 0, blocks: 0 },
             lines_sent: 0,
             shown: offset,
+            shown_further: FurtherAxes::NONE,
             takes_offset: false,
         };
         watch.stand(place, further);
@@ -179,6 +162,8 @@ impl PathWatch {
             let (system, length) = (self.sent.frame.system, self.sent.frame.tool_length_mm);
             frame.system = frame.system.or(system);
             frame.tool_length_mm = frame.tool_length_mm.or(length);
+            // Nothing but the lines changes them in a run.
+            frame.further = self.sent.frame.further;
             self.sent.frame = frame;
             self.forget_words();
             self.parsed.offset = self.sent.frame.in_force;
@@ -230,7 +215,7 @@ impl PathWatch {
         let mut blocks = last;
         if let Some(way) = asked.way {
             let turn = asked.turn;
-            let is_block = way.length_mm() > STEPS_OF_A_BLOCK * self.step_mm()
+            let is_block = way.length_mm() > STEPS_OF_A_BLOCK * self.board.step_mm()
                 || turn.moves(&self.board.further_steps, STEPS_OF_A_BLOCK);
             blocks += usize::from(is_block);
             let (number, feed_mm_per_min) = (self.lines_sent, asked.feed_mm_per_min);
@@ -269,15 +254,22 @@ impl PathWatch {
         if self.takes_offset {
             return None;
         }
-        if self.parsed.frame_changes == self.sent.frame_changes {
+        let is_settled = self.parsed.frame_changes == self.sent.frame_changes;
+        self.shown_further = seen.further_offset.or(self.shown_further);
+        if is_settled {
             self.sent.frame.further.adopt(seen.further_offset);
         }
+        let further = match (seen.is_by_offset, is_settled) {
+            (false, _) => seen.further,
+            (true, true) => self.sent.frame.further.as_shown(seen.further, self.shown_further),
+            (true, false) => FurtherAxes::NONE,
+        };
         let is_placed = !seen.is_by_offset || self.is_offset_shown();
         if let Some(position) = seen.position.filter(|_| is_placed) {
             let blocks = seen.blocks_in_use.filter(|_| self.board.planner_blocks.is_some());
             let index = blocks.map_or(0, |blocks| self.finished(blocks));
             let done = Bound { index, part: 0.0 };
-            if let Some(deviation) = self.judge_place(position, seen.further, done) {
+            if let Some(deviation) = self.judge_place(position, further, done) {
                 return Some(deviation);
             }
         }
@@ -308,7 +300,7 @@ impl PathWatch {
         let way = Way::Line { from: end, to: end };
         let off_mm = way.nearest(at, 0.0).distance_mm;
         let culprit = self.moves.back().map_or(Culprit::default(), |last| last.culprit);
-        let is_off = off_mm > self.tolerance_mm(&way, at);
+        let is_off = off_mm > self.board.tolerance_mm(&way, at);
         if is_off {
             return Some(Deviation::Place { culprit, at, nearest: end, off_mm });
         }
@@ -384,7 +376,7 @@ impl PathWatch {
     }
 
     fn is_same(&self, one: Position, other: Position) -> bool {
-        let most = self.rounding_mm() + PATH_MM;
+        let most = self.board.rounding_mm() + PATH_MM;
         (0..3).all(|axis| (one[axis] - other[axis]).abs() <= most)
     }
 
@@ -425,7 +417,7 @@ impl PathWatch {
         for (index, sent) in self.moves.iter().enumerate().skip(from.index) {
             let from_part = if index == from.index { from.part } else { 0.0 };
             let near = sent.way.nearest(position, from_part);
-            let tolerance = self.tolerance_mm(&sent.way, position);
+            let tolerance = self.board.tolerance_mm(&sent.way, position);
             if near.distance_mm <= tolerance {
                 let length = sent.way.length_mm();
                 let slack = if length > 0.0 { tolerance / length } else { 1.0 };
@@ -461,38 +453,5 @@ impl PathWatch {
         let most = self.moves.len() - 1;
         let done = |sent: &&SentMove| sent.blocks + held < self.parsed.blocks;
         self.moves.iter().take(most).take_while(done).count()
-    }
-
-    /// The largest step of an axis, mm.
-    fn step_mm(&self) -> f64 {
-        self.steps_mm().into_iter().fold(0.0, f64::max)
-    }
-
-    fn steps_mm(&self) -> [f64; 3] {
-        self.board.steps_per_mm.map(|steps| match steps {
-            Some(steps) if steps > 0.0 => 1.0 / steps,
-            _ => STEP_MM_UNKNOWN,
-        })
-    }
-
-    fn rounding_mm(&self) -> f64 {
-        ROUNDED_NUMBERS
-            * match self.board.units {
-                ReportUnits::Millimetres => REPORT_MM,
-                ReportUnits::Inches => REPORT_INCH_MM,
-            }
-    }
-
-    /// How far a position may be off a way, mm.
-    fn tolerance_mm(&self, way: &Way, position: Position) -> f64 {
-        let [x, y, z] = self.steps_mm();
-        let steps = STEPS * x.hypot(y).hypot(z);
-        let largest = position.iter().fold(0f64, |most, value| most.max(value.abs()));
-        let places = LAST_PLACES * largest * f64::from(f32::EPSILON);
-        let drawn = match way {
-            Way::Arc(_) => ARC_DRAWN_MM + ARC_TOLERANCES * self.board.arc_tolerance_mm,
-            Way::Line { .. } | Way::Anywhere => 0.0,
-        };
-        PATH_MM + self.rounding_mm() + steps + places + drawn
     }
 }

@@ -81,6 +81,15 @@ impl FurtherFrame {
         })
     }
 
+    /// The axes of a report whose offset in force is the one that reports have shown.
+    pub(super) fn as_shown(&self, seen: FurtherAxes, shown: FurtherAxes) -> FurtherAxes {
+        let is_other = |axis: usize| {
+            let both = self.in_force.get(axis).zip(shown.get(axis));
+            both.is_none_or(|(is, shown)| (is - shown).abs() > PATH_MM)
+        };
+        seen.iter().filter(|it| is_other(it.0)).fold(seen, |all, (axis, _)| all.without(axis))
+    }
+
     /// A report shows these offsets, and all lines that change them are answered: those that were
     /// not known are known.
     pub(super) fn adopt(&mut self, shown: FurtherAxes) {

@@ -336,6 +336,28 @@ fn the_zero_of_a_further_axis_is_taken_from_a_report_when_no_line_may_have_chang
 }
 
 #[test]
+fn an_angle_that_follows_from_an_offset_is_not_believed_before_that_is_shown() {
+    let one = |value: f64| FurtherAxes::NONE.with(0, value);
+    let mut further = FurtherFrame { shift: one(0.0), ..FurtherFrame::default() };
+    further.systems = [one(0.0); 6];
+    let systems = [Some(ZERO); 6];
+    let tool_length_mm = Some(0.0);
+    let frame = Frame { systems, tool_length_mm, further, ..Frame::default() };
+    let mut watch = PathWatch::new(board(), frame, Some(ZERO), one(0.0));
+    send(&mut watch, &["G90G54", "G10L2P1A30", "G0A0"]);
+    for _ in 0..3 {
+        watch.on_answer();
+    }
+    let seen = |angle| Seen { is_by_offset: true, further: one(angle), ..at([0.0; 3]) };
+    let shown =
+        |angle, zero| Seen { work_offset: Some(ZERO), further_offset: one(zero), ..seen(angle) };
+    assert_eq!(watch.judge(&shown(-30.0, 0.0)), None, "the offset from before");
+    assert_eq!(watch.judge(&seen(-30.0)), None);
+    assert_eq!(watch.judge(&shown(30.0, 30.0)), None);
+    assert!(watch.judge(&seen(40.0)).is_some());
+}
+
+#[test]
 fn lines_that_turn_an_axis_are_done_when_the_planner_cannot_hold_them() {
     let one = |value: f64| FurtherAxes::NONE.with(0, value);
     let mut frame = FurtherFrame::default();

@@ -3,6 +3,7 @@
 use super::machine::Machine;
 use crate::path_watch::{Board, Frame, PathWatch, Rates};
 use crate::report::ReportUnits;
+use cnc_msgs::further::FurtherAxes;
 use serde::{Deserialize, Serialize};
 
 /// What is done when a report does not fit what was sent.
@@ -49,7 +50,8 @@ impl Machine {
         // A work position is one in the machine frame only with the offset in force.
         let is_placed = self.shown.has_machine_position || self.is_offset_in_force();
         let place = self.machine_position().filter(|_| is_placed);
-        let mut watch = PathWatch::new(board, frame, place, self.further_machine());
+        let further = if is_placed { self.further_machine() } else { FurtherAxes::NONE };
+        let mut watch = PathWatch::new(board, frame, place, further);
         watch.has_shown(self.work_offset);
         watch
     }

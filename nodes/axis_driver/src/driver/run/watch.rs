@@ -9,6 +9,7 @@ use crate::driver::context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
 use crate::driver::output::LogLevel;
 use crate::path_watch::{Culprit, Deviation, PathWatch, Seen};
 use crate::report::{ControllerState, StatusReport};
+use cnc_msgs::further::FurtherAxes;
 use std::time::Duration;
 
 /// The path watch of one run.
@@ -164,7 +165,8 @@ impl ProgramRun {
         if self.watch.is_deviated {
             return EndOfLines::Waits;
         }
-        let (at, further) = (context.machine.machine_position(), context.machine.further_machine());
+        let at = context.machine.machine_position();
+        let further = context.machine.further_machine();
         if matches!(then, Then::GoOn | Then::ControllerChange { .. }) {
             let frame = context.machine.frame();
             if let Some(watch) = &mut self.watch.watch {
@@ -175,7 +177,10 @@ impl ProgramRun {
         let RunWatch { watch: Some(watch), doubt, .. } = &mut self.watch else {
             return EndOfLines::There;
         };
-        let Some(deviation) = watch.judge_end(at, further) else {
+        // A work position is one in the machine frame only with the offset in force.
+        let has_place = context.machine.shown.has_machine_position;
+        let believed = if has_place { further } else { FurtherAxes::NONE };
+        let Some(deviation) = watch.judge_end(at, believed) else {
             if matches!(then, Then::Home { .. }) {
                 watch.forget_words();
             }
