@@ -240,11 +240,12 @@ mod tests {
 
     #[test]
     fn a_run_changes_its_own_rows_and_no_other() {
-        let left = |rows: &[(u32, Option<f64>)]| -> Vec<Left> {
+        type Rows<'r> = &'r [(u32, Option<f64>)];
+        let left = |rows: Rows<'_>| -> Vec<Left> {
             rows.iter().map(|&(number, value)| Left { number, value }).collect()
         };
         // The file, what the program has left, and the file after its run.
-        let table: [(&str, &[(u32, Option<f64>)], &str); 8] = [
+        let table: [(&str, Rows<'_>, &str); 8] = [
             ("31 7\n", &[(31, Some(8.0))], "31\t8.0\n"),
             (
                 "# ours\n31\t7.000000\n\n5161 3\n5220 1.000000\n",
