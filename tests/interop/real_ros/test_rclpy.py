@@ -123,7 +123,8 @@ def test_a_resume_right_after_hold_is_not_refused(peer):
     assert goal.accepted
     ended = goal.get_result_async()
     for _ in range(10):
-        peer.until('the run', lambda: states[-1].state == MachineState.STATE_RUN or ended.done())
+        peer.until('the run', lambda: ended.done() or
+                   (states and states[-1].state == MachineState.STATE_RUN))
         if ended.done():
             break
         states.clear()
