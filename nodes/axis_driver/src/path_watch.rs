@@ -162,7 +162,7 @@ impl PathWatch {
             let (system, length) = (self.sent.frame.system, self.sent.frame.tool_length_mm);
             frame.system = frame.system.or(system);
             frame.tool_length_mm = frame.tool_length_mm.or(length);
-            // Nothing but the lines changes them in a run.
+            // The lines know them best; what else changes them is a deviation.
             frame.further = self.sent.frame.further;
             self.sent.frame = frame;
             self.forget_words();
@@ -191,15 +191,22 @@ impl PathWatch {
         for sent in &mut self.moves {
             (sent.way, sent.turn) = (Way::Anywhere, Turn::UNKNOWN);
         }
-        // A damaged word of theirs is in force until the next one.
-        self.sent.further = FurtherAxes::NONE;
+        // A damaged word of theirs is in force until the next one, and so is a damaged offset.
+        self.forget_further();
         (self.least, self.bound) = Default::default();
+    }
+
+    fn forget_further(&mut self) {
+        self.sent.further = FurtherAxes::NONE;
+        self.sent.frame.further = FurtherFrame::default();
+        self.shown_further = FurtherAxes::NONE;
     }
 
     /// The offset in force is not known for sure: the one that is shown next is taken as it is,
     /// and no place is judged before.
     pub fn take_next_offset(&mut self) {
         self.takes_offset = true;
+        self.forget_further();
     }
 
     /// The work offset that reports have shown before the first line.
@@ -255,10 +262,11 @@ impl PathWatch {
             return None;
         }
         let is_settled = self.parsed.frame_changes == self.sent.frame_changes;
-        self.shown_further = seen.further_offset.or(self.shown_further);
-        if is_settled {
-            self.sent.frame.further.adopt(seen.further_offset);
+        if is_settled && !seen.further_offset.is_empty() {
+            // One report may be damaged: what two in a row show is taken.
+            self.sent.frame.further.adopt(seen.further_offset, self.shown_further);
         }
+        self.shown_further = seen.further_offset.or(self.shown_further);
         let further = match (seen.is_by_offset, is_settled) {
             (false, _) => seen.further,
             (true, true) => self.sent.frame.further.as_shown(seen.further, self.shown_further),
@@ -293,7 +301,7 @@ impl PathWatch {
     ) -> Option<Deviation> {
         let is_known = self.moves.back().is_some_and(|last| last.way != Way::Anywhere);
         let Some(end) = self.sent.place.filter(|_| is_known) else {
-            self.stand(position, further);
+            self.stand(position, self.sent.further.or(further));
             return None;
         };
         let at = position?;

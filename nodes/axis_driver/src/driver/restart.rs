@@ -207,6 +207,7 @@ impl Context {
         let is_watched = self.config.on_path_deviation != OnPathDeviation::Off;
         if is_watched && report.machine_position.is_none() {
             self.machine.work_offset = report.work_offset.or(self.machine.work_offset);
+            self.machine.keep_further_offset(report);
         }
     }
 

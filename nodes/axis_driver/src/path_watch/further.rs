@@ -90,10 +90,12 @@ impl FurtherFrame {
         seen.iter().filter(|it| is_other(it.0)).fold(seen, |all, (axis, _)| all.without(axis))
     }
 
-    /// A report shows these offsets, and all lines that change them are answered: those that were
-    /// not known are known.
-    pub(super) fn adopt(&mut self, shown: FurtherAxes) {
-        self.in_force = self.in_force.or(shown);
+    /// Reports show these offsets, and all lines that change them are answered: those that were
+    /// not known and that the report before has shown as well are known.
+    pub(super) fn adopt(&mut self, shown: FurtherAxes, before: FurtherAxes) {
+        let twice = shown.iter().filter(|&(axis, value)| before.get(axis) == Some(value));
+        let twice = twice.fold(FurtherAxes::NONE, |all, (axis, value)| all.with(axis, value));
+        self.in_force = self.in_force.or(twice);
     }
 }
 

@@ -132,6 +132,10 @@ impl Sent {
     fn take_modal(&mut self, words: &LineWords) {
         self.words.take(words);
         self.said.take(words);
+        if self.words.is_inverse_time == Some(true) {
+            // G93 was said before what is certain: F is of one line.
+            self.said.feed = None;
+        }
         if words.has_g(490) {
             self.frame.set_tool_length(0.0);
         }

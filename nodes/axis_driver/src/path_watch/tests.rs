@@ -309,8 +309,11 @@ fn a_further_axis_goes_with_its_line() {
     send(&mut watch, &["A90"]);
     assert!(watch.clone().judge(&seen(10.0, 200.0)).is_some());
     watch.forgive();
-    let shown = Seen { work_offset: Some(ZERO), ..seen(10.0, 200.0) };
-    assert_eq!(watch.judge(&shown), None);
+    let shown = Seen { work_offset: Some(ZERO), further_offset: one(-5.0), ..seen(10.0, 200.0) };
+    watch.on_answer();
+    for _ in 0..2 {
+        assert_eq!(watch.judge(&shown), None);
+    }
     send(&mut watch, &["X20", "A0"]);
     assert_eq!(watch.judge(&seen(15.0, 200.0)), None);
     for x in 21..60 {
@@ -330,9 +333,34 @@ fn the_zero_of_a_further_axis_is_taken_from_a_report_when_no_line_may_have_chang
     send(&mut watch, &["A1"]);
     assert_eq!(watch.sent.further.get(0), None, "G54 has no answer yet");
     watch.on_answer();
+    watch.judge(&Seen { further_offset: one(70.0), ..shown });
+    watch.judge(&shown);
+    send(&mut watch, &["A1"]);
+    assert_eq!(watch.sent.further.get(0), None, "one of the two is damaged");
     watch.judge(&shown);
     send(&mut watch, &["A1"]);
     assert_eq!(watch.sent.further.get(0), Some(8.0));
+    // A damaged offset is in force after a resume.
+    watch.forgive();
+    let other = Seen { work_offset: Some(ZERO), further_offset: one(20.0), ..shown };
+    for _ in 0..3 {
+        watch.on_answer();
+        assert_eq!(watch.judge(&other), None);
+    }
+    send(&mut watch, &["A1"]);
+    assert_eq!(watch.sent.further.get(0), Some(21.0));
+}
+
+#[test]
+fn f_of_a_time_is_no_feed_after_the_words_were_forgotten() {
+    let mut watch = watch();
+    send(&mut watch, &["G93G1X10A90F50"]);
+    watch.forget_words();
+    send(&mut watch, &["X20A0F12.5", "G0Z5"]);
+    for _ in 0..3 {
+        watch.on_answer();
+    }
+    assert_eq!(watch.sent.said.feed, None);
 }
 
 #[test]

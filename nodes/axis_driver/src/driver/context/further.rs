@@ -47,6 +47,12 @@ impl FurtherState {
         self.letters = Some(letters.to_owned());
     }
 
+    fn keep_offset(&mut self, report: &StatusReport) {
+        if report.work_offset.is_some() {
+            self.offset.clone_from(&report.further_offset);
+        }
+    }
+
     /// Values after X, Y and Z, as they are printed: degrees, and lengths in these units.
     fn read(&self, values: &[f64], units: ReportUnits) -> FurtherAxes {
         self.axes().iter().zip(values).fold(FurtherAxes::NONE, |all, (axis, value)| match axis {
@@ -59,9 +65,7 @@ impl FurtherState {
     /// Takes what a report says of them.
     fn on_status(&mut self, report: &StatusReport, units: ReportUnits) {
         self.count = self.count.max(report.further.len()).min(FURTHER_LETTERS.len());
-        if report.work_offset.is_some() {
-            self.offset.clone_from(&report.further_offset);
-        }
+        self.keep_offset(report);
         let (is, offset) = (self.read(&report.further, units), self.read(&self.offset, units));
         let shifted = |sign: f64| match offset.bits() == is.bits() {
             true => is.map(|axis, value| value + sign * offset.get(axis).unwrap_or(0.0)),
@@ -141,9 +145,17 @@ impl Machine {
         steps.filter(|steps| *steps > 0.0).map_or(0.2, f64::recip)
     }
 
-    /// Where they are in the machine frame, as far as it is known.
+    /// A report that is not believed has an offset all the same.
+    pub(in crate::driver) fn keep_further_offset(&mut self, report: &StatusReport) {
+        self.further.keep_offset(report);
+    }
+
+    /// Where they are in the machine frame, as far as reports can be compared with it: builds of
+    /// grblHAL print angles in inches like lengths, and others as degrees.
     pub(in crate::driver) fn further_machine(&self) -> FurtherAxes {
-        self.further.machine
+        let is_printed = |axis: usize| !self.reports_in_inches() || !FurtherAxes::is_rotary(axis);
+        let known = self.further.machine.iter().filter(|(axis, _)| is_printed(*axis));
+        known.fold(FurtherAxes::NONE, |all, (axis, at)| all.with(axis, at))
     }
 
     /// Where they are, as far as it is known; `None` where the board has none.
