@@ -217,11 +217,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     if findings.has_error() {
         return refused(findings);
     }
-    let mut left = Vec::new();
-    if has_file {
-        left.extend(parameters.left(&stored));
-        left.extend(interpreter.left(&stored));
-    }
+    let left = if has_file { parameters.left(&stored) } else { Vec::new() };
     let (contour, bounds, named_tools) = interpreter.finish();
     let mut loaded =
         Loaded { contour, findings: findings.finish(), line_count, bounds, named_tools, left };

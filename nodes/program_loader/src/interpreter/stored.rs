@@ -3,12 +3,11 @@
 
 use super::Interpreter;
 use crate::findings::Findings;
-use crate::parameter_file::{Left, Stored, is_kept, is_of_the_machine};
+use crate::parameter_file::{Stored, is_kept, is_of_the_machine};
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Position};
-use std::collections::{BTreeMap, BTreeSet};
 
 impl Interpreter<'_> {
     /// Takes the values of a parameter file. Those that LinuxCNC would act on at once are refused
@@ -47,22 +46,6 @@ impl Interpreter<'_> {
             };
             findings.push(finding);
         }
-    }
-
-    /// Stored positions and work offsets that are others than those of the parameter file.
-    pub(crate) fn left(&self, begun: &[Stored]) -> Vec<Left> {
-        let before: BTreeMap<u32, f64> = begun
-            .iter()
-            .filter(|it| is_of_the_machine(it.number))
-            .map(|it| (it.number, it.value))
-            .collect();
-        let numbers: BTreeSet<u32> = before.keys().chain(self.stored.keys()).copied().collect();
-        let value = |number| self.stored.get(&number).copied();
-        numbers
-            .into_iter()
-            .filter(|number| value(*number) != before.get(number).copied())
-            .map(|number| Left { number, value: value(number) })
-            .collect()
     }
 
     /// Says that there are values which no program begins with.
