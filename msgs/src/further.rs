@@ -48,6 +48,12 @@ impl FurtherAxes {
         self
     }
 
+    /// The axes without those that the other names.
+    #[must_use]
+    pub fn without_all(self, other: Self) -> Self {
+        other.iter().fold(self, |all, (axis, _)| all.without(axis))
+    }
+
     /// These values, and those of the other for all axes that this does not name.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
@@ -96,6 +102,12 @@ impl FurtherAxes {
         self.iter().fold(Self::NONE, |all, (axis, is)| all.with(axis, value(axis, is)))
     }
 
+    /// Whether both name the same axes, with values that differ by no more than this.
+    pub fn is_near(self, other: Self, tolerance: f64) -> bool {
+        let is_near = |(axis, value): (usize, f64)| (value - other.values[axis]).abs() <= tolerance;
+        self.named == other.named && self.iter().all(is_near)
+    }
+
     /// The values as the receiver of a message gets them.
     #[must_use]
     pub fn received(self) -> Self {
@@ -103,6 +115,13 @@ impl FurtherAxes {
             true => received_degrees(value),
             false => received_mm(value),
         })
+    }
+}
+
+/// Index and value of each axis.
+impl FromIterator<(usize, f64)> for FurtherAxes {
+    fn from_iter<T: IntoIterator<Item = (usize, f64)>>(values: T) -> Self {
+        values.into_iter().fold(Self::NONE, |all, (axis, value)| all.with(axis, value))
     }
 }
 

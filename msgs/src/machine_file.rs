@@ -1,10 +1,9 @@
 //! What a controller reports about itself, as a file.
 //!
 //! `kerf controller dump` writes it, `kerf plan --machine` reads it. Settings have the numbers
-//! and the units of the firmware; offsets are in millimetres. What they mean for a machine is
+//! and the units of the firmware; offsets are in millimetres, of A, B and C in degrees. What they mean for a machine is
 //! the business of the driver.
 
-use crate::geometry::Position;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -26,9 +25,12 @@ pub struct MachineFile {
     /// `$number=value`.
     #[serde(deserialize_with = "crate::unique::map")]
     pub settings: BTreeMap<u32, SettingValue>,
-    /// G54 to G59, G28, G30, G92 and TLO, as `$#` reports them.
+    /// `XYZA`: its axes in the order of the settings; empty: X, Y and Z.
+    #[serde(default)]
+    pub axes: String,
+    /// G54 to G59, G28, G30, G92 and TLO, as `$#` reports them: X, Y and Z, or all axes.
     #[serde(default, deserialize_with = "crate::unique::map")]
-    pub offsets_mm: BTreeMap<String, Position>,
+    pub offsets_mm: BTreeMap<String, Vec<f64>>,
 }
 
 /// The value of a setting. Some settings of grblHAL are words.

@@ -177,6 +177,11 @@ impl Line {
         self.controller.device().controller().position()
     }
 
+    /// The same of all axes; degrees where one turns.
+    pub fn all_axes(&self) -> [f64; 6] {
+        self.controller.device().controller().axes()
+    }
+
     /// When either end has something to do.
     fn next_event(&self) -> Option<Duration> {
         self.driver.next_deadline().into_iter().chain(self.controller.next_event()).min()

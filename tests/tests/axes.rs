@@ -48,8 +48,8 @@ fn board(firmware: Firmware, axes: &str) -> Line {
 
 /// The board's own count of the axes after Z.
 fn further(line: &Line) -> [f64; 3] {
-    let axes = line.controller.device().controller().axes();
-    [axes[3], axes[4], axes[5]]
+    let [.., a, b, c] = line.all_axes();
+    [a, b, c]
 }
 
 /// What was sent of a program, without status requests, comments of the driver and answers.

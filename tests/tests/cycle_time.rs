@@ -4,6 +4,7 @@ use axis_driver::cycle_time::CycleTime;
 use axis_driver::driver::{Command, DriverConfig, Overrides, RunOutcome};
 use axis_driver::machine_limits::MachineLimits;
 use cnc_msgs::contour::{Action, Source, SpindleMode};
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use kerf_tests::line::{Line, events, short_segments, straight};
@@ -67,10 +68,34 @@ fn part() -> CompensatedPath {
     path
 }
 
-/// A serial line that is no limit.
+/// Lines along which A turns, slower and faster than it can, and A alone.
+fn turning() -> CompensatedPath {
+    let mut path = CompensatedPath::default();
+    let turn = |mode, a: f64| {
+        let axes = FurtherAxes::NONE.with(0, a);
+        Action::Further(FurtherMove { axes, mode })
+    };
+    let mut turns = vec![(0, turn(FurtherMode::Rapid, 0.0)), (0, turn(FurtherMode::Rapid, 30.0))];
+    for number in 1..=20usize {
+        let x = 4.0 * number as f64;
+        turns.push((path.elements.len(), turn(FurtherMode::Along, 30.0 + 5.0 * number as f64)));
+        path.elements.push(element([x, 0.0, 0.0], Some(1_200.0), Shape::Line));
+    }
+    turns.push((20, turn(FurtherMode::Feed(1_500.0), 10.0)));
+    turns.push((20, turn(FurtherMode::Feed(1_500.0), -80.0)));
+    turns.push((20, turn(FurtherMode::Along, 500.0)));
+    path.elements.push(element([120.0, 10.0, 0.0], Some(4_000.0), Shape::Line));
+    turns.push((21, turn(FurtherMode::Along, 0.0)));
+    path.elements.push(element([0.0, 0.0, 0.0], None, Shape::Line));
+    path.events = events(&turns);
+    path
+}
+
+/// A serial line that is no limit, to a board with A.
 fn line(firmware: Firmware) -> Line {
     let config = DriverConfig { baud: 2_000_000, ..DriverConfig::default() };
-    let mut line = Line::new(config, Build::new(Settings::small_router_of(firmware)), &[]);
+    let settings = Settings::small_router_of(firmware).with_axes("XYZA".parse().expect("axes"));
+    let mut line = Line::new(config, Build::new(settings), &[]);
     line.until("idle", |line| line.mode() == cnc_msgs::machine::Mode::Idle);
     line
 }
@@ -86,12 +111,12 @@ fn modelled(line: &Line, path: &CompensatedPath) -> f64 {
 
 /// Seconds from the first step to the last.
 fn moved(line: &mut Line, path: CompensatedPath) -> f64 {
-    let (mut before, mut first, mut last) = (line.axes(), None, line.now);
+    let (mut before, mut first, mut last) = (line.all_axes(), None, line.now);
     line.start(path, 0);
     while line.finished.is_none() {
         let was = line.now;
         line.step_within(LOOK);
-        let at = line.axes();
+        let at = line.all_axes();
         if at != before {
             first.get_or_insert(was);
             (before, last) = (at, line.now);
@@ -122,6 +147,7 @@ fn the_time_of_lines_arcs_and_short_segments_is_that_of_the_controller() {
             ("a spiral of 0.5 mm", short_segments(600, 0.5)),
             ("a spiral of 0.1 mm", short_segments(1_500, 0.1)),
             ("pockets", part()),
+            ("an axis that turns", turning()),
         ] {
             let mut line = line(firmware);
             let expected = modelled(&line, &path);

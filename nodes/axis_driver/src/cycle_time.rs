@@ -9,11 +9,12 @@
 mod chords;
 mod ring;
 
-use crate::machine_limits::MachineLimits;
-use crate::machine_path::{Known, MachinePath, Step};
+use crate::machine_limits::{MachineLimits, direction};
+use crate::machine_path::{FurtherStep, Known, MachinePath, Step};
+use crate::vectors::norm;
 use chords::Chords;
 use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
-use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove, further_distance};
+use cnc_msgs::further::{FurtherAxes, FurtherMode, further_distance};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
 use ring::{Block, Ring};
@@ -28,6 +29,8 @@ pub struct CycleTime {
     ring: Ring,
     /// The rest of the arc whose blocks are being made.
     arc: Option<(Chords, Option<f64>)>,
+    /// How far A to W go along with the next line; no arc is sent with them.
+    along: FurtherAxes,
     /// Where the last block ends, in steps.
     at_steps: [i64; 3],
     /// A block that starts from rest comes next, after so many seconds.
@@ -37,8 +40,6 @@ pub struct CycleTime {
     rpm: f64,
     spindle: SpindleMode,
     coolant: [bool; 2],
-    /// A, B, C, U, V and W in the work frame, as far as the path has said.
-    further_at: FurtherAxes,
     seconds: f64,
 }
 
@@ -57,18 +58,20 @@ impl CycleTime {
             place.get_or_insert([0.0; 3]);
         };
         offsets.systems.iter_mut().chain(&mut offsets.references).for_each(known);
+        let zero: FurtherAxes = (0..6).map(|axis| (axis, 0.0)).collect();
+        (offsets.further_systems, offsets.further_shift) = ([zero; 9], zero);
         let mut started = Self {
             limits: limits.clone(),
             walk: MachinePath::new(path, &offsets, [None; 3]),
             ring: Ring::new(limits.planner_blocks),
             arc: None,
+            along: FurtherAxes::NONE,
             at_steps: [0; 3],
             pause_s: None,
             first_element,
             rpm: 0.0,
             spindle: SpindleMode::Off,
             coolant: [false; 2],
-            further_at: FurtherAxes::NONE,
             seconds: 0.0,
         };
         while started.walk.next_element() < first_element && started.walk.next(path).is_some() {}
@@ -129,7 +132,7 @@ impl CycleTime {
                     self.arc = None;
                     continue;
                 };
-                if self.push(next, feed, element) {
+                if self.push(next, FurtherAxes::NONE, feed, element) {
                     return true;
                 }
                 continue;
@@ -137,7 +140,20 @@ impl CycleTime {
             match self.walk.next(path) {
                 None => return false,
                 Some(Step::Function(action, _)) => self.stop_for(action),
+                Some(Step::Further(it)) => {
+                    let way = |(axis, to)| Some((axis, to - it.from.get(axis)?));
+                    let way: FurtherAxes = it.to.iter().filter_map(way).collect();
+                    let FurtherStep { mode: FurtherMode::Along, .. } = it else {
+                        let element = self.walk.next_element().max(self.first_element);
+                        if self.push_further(&it, way, element) {
+                            return true;
+                        }
+                        continue;
+                    };
+                    self.along = way;
+                }
                 Some(Step::Move(it)) => {
+                    let along = std::mem::take(&mut self.along);
                     let whole = |at: Known| at.map(|value| value.unwrap_or(0.0));
                     let (from, to) = (whole(it.from), whole(it.to));
                     let element =
@@ -147,7 +163,7 @@ impl CycleTime {
                             let chords = Chords::new(from, to, &arc, self.limits.arc_tolerance_mm);
                             self.arc = Some((chords, it.feed_mm_per_min));
                         }
-                        None if self.push(to, it.feed_mm_per_min, element) => return true,
+                        None if self.push(to, along, it.feed_mm_per_min, element) => return true,
                         None => {}
                     }
                 }
@@ -155,16 +171,40 @@ impl CycleTime {
         }
     }
 
-    /// False where the block is shorter than a step.
-    fn push(&mut self, to: Position, feed_mm_per_min: Option<f64>, element: usize) -> bool {
+    /// False where the block is shorter than a step. The feed is along X, Y and Z.
+    fn push(
+        &mut self,
+        to: Position,
+        along: FurtherAxes,
+        feed_mm_per_min: Option<f64>,
+        element: usize,
+    ) -> bool {
         let end = self.steps(to);
         let start = std::mem::replace(&mut self.at_steps, end);
         let per_mm = self.limits.steps_per_mm;
         let way: Position =
             std::array::from_fn(|axis| (end[axis] - start[axis]) as f64 / per_mm[axis]);
-        let Some(block) = Block::new(&self.limits, way, feed_mm_per_min, element) else {
-            return false;
+        let all = direction(way, along);
+        let feed = match along.is_empty() {
+            true => feed_mm_per_min,
+            // As long as X, Y and Z take.
+            false => feed_mm_per_min.map(|feed| feed * norm(all) / norm(way)),
         };
+        self.push_block(Block::new(&self.limits, all, feed, element))
+    }
+
+    /// A move of A to W alone.
+    fn push_further(&mut self, it: &FurtherStep, way: FurtherAxes, element: usize) -> bool {
+        let all = direction([0.0; 3], way);
+        let feed = match it.mode {
+            FurtherMode::Feed(rate) => Some(rate * norm(all) / further_distance(it.from, it.to)),
+            FurtherMode::Rapid | FurtherMode::Along => None,
+        };
+        self.push_block(Block::new(&self.limits, all, feed, element))
+    }
+
+    fn push_block(&mut self, block: Option<Block>) -> bool {
+        let Some(block) = block else { return false };
         self.ring.push(&self.limits, block, self.pause_s.take());
         true
     }
@@ -177,17 +217,6 @@ impl CycleTime {
     fn stop_for(&mut self, action: Action) {
         let seconds = match action {
             Action::Dwell { seconds } => seconds,
-            // How fast they speed up is not known here.
-            Action::Further(FurtherMove { axes, mode }) => {
-                let from = self.further_at;
-                self.further_at = axes.or(from);
-                let FurtherMode::Feed(rate) = mode else { return };
-                further_distance(from, axes) / rate * 60.0
-            }
-            Action::WorkOffset { .. } => {
-                self.further_at = FurtherAxes::NONE;
-                return;
-            }
             Action::SpindleSpeed { rpm } => {
                 let is_new = std::mem::replace(&mut self.rpm, rpm) != rpm;
                 if !is_new || self.limits.is_laser || self.spindle == SpindleMode::Off {

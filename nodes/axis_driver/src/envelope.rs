@@ -102,6 +102,11 @@ impl Envelope {
                 self.functions.see_move(&it);
             }
             Step::Move(_) => {}
+            Step::Further(it) if self.walk.next_element() >= self.first_element => {
+                self.travel.see_further(&it);
+                self.functions.see_further(&it);
+            }
+            Step::Further(_) => {}
             Step::Function(action, source) => self.functions.see(action, source, is_run),
         }
     }

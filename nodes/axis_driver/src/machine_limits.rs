@@ -2,15 +2,21 @@
 //!
 //! Travel, rates, spindle range, work systems: read from `$$`, `$#` and `$I`, whether they come
 //! over the line or out of a file. Each firmware has rules of its own for where the machine zero
-//! lies in the travel; they are here. Knows no path.
+//! lies in the travel; they are here, and those of A to W in [`further`]. Knows no path.
+
+mod further;
 
 use crate::codes::setting_name;
 use crate::driver::{ControllerSettings, Offset};
 use crate::firmware::Firmware;
 use cnc_msgs::contour::work_system;
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use cnc_msgs::machine_file::MachineFile;
 use std::collections::BTreeMap;
+
+pub use further::FurtherLimits;
+pub(crate) use further::{Direction, direction};
 
 /// Planner blocks where the controller does not say.
 const PLANNER_BLOCKS_DEFAULT: u16 = 15;
@@ -48,6 +54,8 @@ pub struct MachineLimits {
     pub travel_mm: [Option<f64>; 3],
     /// Where the travel lies in the machine frame.
     pub zero: MachineZero,
+    /// A, B, C, U, V and W; `None` for an axis that the controller does not have.
+    pub further: [Option<FurtherLimits>; 6],
     /// Whether the axes are homed, or will be before a program runs.
     pub is_homed: bool,
     /// `$31` and `$30`, rev/min.
@@ -60,13 +68,15 @@ pub struct MachineLimits {
 /// Where the machine zero lies in the travel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MachineZero {
-    /// Least and greatest coordinate of each axis, mm, once the machine is homed.
-    Placed { min_mm: Position, max_mm: Position },
+    /// Least and greatest coordinate of each axis, mm, once the machine is homed; `None` for an
+    /// axis that it does not home.
+    Placed { bounds_mm: [Option<[f64; 2]>; 3] },
     /// It is not known, for this reason.
     Unknown { because: &'static str },
 }
 
-/// The stored positions of the controller, machine frame, mm; `None` where they were not reported.
+/// The stored positions of the controller, machine frame, mm and degrees; `None` where they were not
+/// reported.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StoredOffsets {
     /// G54 to G59.3.
@@ -75,6 +85,9 @@ pub struct StoredOffsets {
     pub references: [Option<Position>; 2],
     /// Of G92, added to every work system.
     pub shift: Position,
+    /// The same for A, B, C, U, V and W; those that are not named are not known.
+    pub further_systems: [FurtherAxes; 9],
+    pub further_shift: FurtherAxes,
 }
 
 /// Settings that cannot be those of a machine.
@@ -90,6 +103,10 @@ pub enum LimitsProblem {
     Foreign { number: u32, firmware: &'static str },
     #[error("{name} is not a stored position; known are G54 to G59.3, G28, G30, G92 and TLO")]
     OffsetName { name: String },
+    #[error("{name} has {count} values; the machine has the {wanted} axes {axes}")]
+    OffsetLength { name: String, count: usize, wanted: usize, axes: String },
+    #[error("axes is {axes:?}; it must be XYZ, and then the letters of the others")]
+    Axes { axes: String },
     #[error("{letter} of {name} is {value}; it must be a finite number")]
     OffsetValue { name: String, letter: char, value: f64 },
 }
@@ -103,9 +120,10 @@ impl LimitsProblem {
             Self::Missing { .. } => vec!["settings".into()],
             Self::Range { number, .. } => path("settings", number.to_string()),
             Self::Foreign { number, .. } => path("settings", number.to_string()),
-            Self::OffsetName { name } | Self::OffsetValue { name, .. } => {
-                path("offsets_mm", name.clone())
-            }
+            Self::Axes { .. } => vec!["axes".into()],
+            Self::OffsetName { name }
+            | Self::OffsetLength { name, .. }
+            | Self::OffsetValue { name, .. } => path("offsets_mm", name.clone()),
         }
     }
 }
@@ -135,7 +153,28 @@ pub fn settings_of_file(file: &MachineFile) -> Result<ControllerSettings, Limits
     if let Some(name) = file.offsets_mm.keys().find(|name| !known.contains(name)) {
         return Err(LimitsProblem::OffsetName { name: name.clone() });
     }
-    let offsets = file.offsets_mm.iter();
+    let axes = if file.axes.is_empty() { "XYZ" } else { &file.axes };
+    let letters: Vec<char> = axes.strip_prefix("XYZ").unwrap_or("?").chars().collect();
+    let is_new =
+        |at: usize| letters[at].is_ascii_uppercase() && !letters[..at].contains(&letters[at]);
+    if !(0..letters.len()).all(is_new) {
+        return Err(LimitsProblem::Axes { axes: file.axes.clone() });
+    }
+    let offset = |(name, values): (&String, &Vec<f64>)| match values.split_first_chunk() {
+        Some((position, rest)) if rest.len() == letters.len() || rest.is_empty() => {
+            let values = letters.iter().zip(rest);
+            let named =
+                values.filter_map(|(it, value)| Some((FurtherAxes::index_of(*it)?, *value)));
+            Ok(Offset { name: name.clone(), position: *position, further: named.collect() })
+        }
+        _ => Err(LimitsProblem::OffsetLength {
+            name: name.clone(),
+            count: values.len(),
+            wanted: axes.len(),
+            axes: axes.to_owned(),
+        }),
+    };
+    let offsets: Result<Vec<Offset>, LimitsProblem> = file.offsets_mm.iter().map(offset).collect();
     Ok(ControllerSettings {
         firmware,
         version: file.version.clone(),
@@ -145,9 +184,8 @@ pub fn settings_of_file(file: &MachineFile) -> Result<ControllerSettings, Limits
             .or(firmware.traits().unreported_planner_blocks)
             .unwrap_or(PLANNER_BLOCKS_DEFAULT),
         settings,
-        offsets: offsets
-            .map(|(name, position)| Offset { name: name.clone(), position: *position })
-            .collect(),
+        axes: axes.to_owned(),
+        offsets: offsets?,
         ..ControllerSettings::default()
     })
 }
@@ -207,6 +245,7 @@ impl MachineLimits {
             },
             travel_mm,
             zero: table.zero(settings, travel),
+            further: table.further(settings)?,
             is_homed: table.mask(22) & HOMING_ON != 0,
             spindle_rpm,
             is_laser: table.values.get(&32) == Some(&"1"),
@@ -227,6 +266,7 @@ impl MachineLimits {
             steps_per_mm: [STEPS_PER_MM_DEFAULT; 3],
             travel_mm: [None; 3],
             zero: MachineZero::Unknown { because: "the controller has not reported its settings" },
+            further: [None; 6],
             is_homed: false,
             spindle_rpm: None,
             is_laser: false,
@@ -242,7 +282,9 @@ impl MachineLimits {
             MachineZero::Placed { .. } => MachineZero::Unknown { because },
             unknown @ MachineZero::Unknown { .. } => unknown,
         };
-        Self { zero, is_homed: false, ..self }
+        let not_placed = |it: FurtherLimits| FurtherLimits { bounds: None, ..it };
+        let further = self.further.map(|it| it.map(not_placed));
+        Self { zero, further, is_homed: false, ..self }
     }
 
     /// Whether a machine coordinate says nothing about a place. Where only the travel is not
@@ -252,27 +294,14 @@ impl MachineLimits {
         !is_travel_alone && matches!(self.zero, MachineZero::Unknown { .. })
     }
 
-    /// The greatest rate along a direction at which no axis exceeds its own, mm/min.
-    pub(crate) fn rate_along(&self, unit: Position) -> f64 {
-        along(unit, self.rate_mm_per_min)
+    /// The axes that homing leaves where they are, although the machine is homed.
+    pub(crate) fn axes_not_homed(&self) -> impl Iterator<Item = char> {
+        let bounds = match self.zero {
+            MachineZero::Placed { bounds_mm } => bounds_mm,
+            MachineZero::Unknown { .. } => [Some([0.0; 2]); 3],
+        };
+        AXIS_LETTERS.into_iter().zip(bounds).filter(|it| it.1.is_none()).map(|it| it.0)
     }
-
-    /// The same for the acceleration, mm/s².
-    pub(crate) fn acceleration_along(&self, unit: Position) -> f64 {
-        along(unit, self.acceleration_mm_per_s2)
-    }
-
-    /// The same for the jerk, mm/s³, where the firmware limits it.
-    pub(crate) fn jerk_along(&self, unit: Position) -> Option<f64> {
-        self.jerk_mm_per_s3.map(|jerk| along(unit, jerk))
-    }
-}
-
-/// The most along a direction at which no axis exceeds its own.
-fn along(unit: Position, limits: Position) -> f64 {
-    let share = |axis: usize| unit[axis].abs() / limits[axis];
-    let worst = share(0).max(share(1)).max(share(2));
-    if worst > 0.0 { 1.0 / worst } else { limits[0] }
 }
 
 fn what(firmware: Firmware, number: u16) -> String {
@@ -345,18 +374,32 @@ impl<'a> Table<'a> {
             let because = "homing is switched off ($22=0)";
             return MachineZero::Unknown { because };
         }
-        let negative_homing = |axis: usize| self.mask(23) & (1 << axis) != 0;
-        let mut min_mm = travel.map(|length| -length);
-        let mut max_mm = [0.0; 3];
+        if settings.firmware == Firmware::FluidNc {
+            let because = "FluidNC does not report where the machine zero lies (mpos_mm)";
+            return MachineZero::Unknown { because };
+        }
+        let bounds = |axis: usize| {
+            self.is_axis_homed(axis).then(|| self.bounds(settings, axis, travel[axis]))
+        };
+        MachineZero::Placed { bounds_mm: std::array::from_fn(bounds) }
+    }
+
+    /// Whether homing takes in an axis. grblHAL says so (`$44` and up, one mask for each pass); the
+    /// others home X, Y and Z.
+    fn is_axis_homed(&self, axis: usize) -> bool {
+        match self.values.contains_key(&44) {
+            true => (44..=49).any(|pass| self.mask(pass) >> axis & 1 == 1),
+            false => axis < 3,
+        }
+    }
+
+    /// Least and greatest coordinate of an axis that is homed, as the check of the firmware has it.
+    fn bounds(&self, settings: &ControllerSettings, axis: usize, travel: f64) -> [f64; 2] {
+        let is_negative_homing = self.mask(23) >> axis & 1 == 1;
         match settings.firmware {
             // `system_check_travel_limits`; the letter says HOMING_FORCE_SET_ORIGIN.
-            Firmware::Grbl => {
-                let zero_is_at_the_switches = settings.options.contains('Z');
-                for axis in (0..3).filter(|&axis| zero_is_at_the_switches && negative_homing(axis))
-                {
-                    (min_mm[axis], max_mm[axis]) = (0.0, travel[axis]);
-                }
-            }
+            Firmware::Grbl if settings.options.contains('Z') && is_negative_homing => [0.0, travel],
+            Firmware::Grbl | Firmware::FluidNc => [-travel, 0.0],
             // `limits_set_work_envelope`: the pull-off is kept where hard and soft limits are on.
             Firmware::GrblHal => {
                 const FORCE_SET_ORIGIN: u32 = 1 << 3;
@@ -364,21 +407,13 @@ impl<'a> Table<'a> {
                 let is_kept = self.flag(20) && self.flag(21);
                 let reported = self.values.get(&27).and_then(|text| text.parse().ok());
                 let pull_off: f64 = reported.filter(|_| is_kept).unwrap_or(0.0);
-                for axis in 0..3 {
-                    (min_mm[axis], max_mm[axis]) =
-                        match (zero_is_at_the_switches, negative_homing(axis)) {
-                            (true, true) => (0.0, travel[axis] - pull_off),
-                            (true, false) => (pull_off - travel[axis], 0.0),
-                            (false, _) => (pull_off - travel[axis], 0.0 - pull_off),
-                        };
+                match (zero_is_at_the_switches, is_negative_homing) {
+                    (true, true) => [0.0, travel - pull_off],
+                    (true, false) => [pull_off - travel, 0.0],
+                    (false, _) => [pull_off - travel, 0.0 - pull_off],
                 }
             }
-            Firmware::FluidNc => {
-                let because = "FluidNC does not report where the machine zero lies (mpos_mm)";
-                return MachineZero::Unknown { because };
-            }
         }
-        MachineZero::Placed { min_mm, max_mm }
     }
 }
 
@@ -394,22 +429,32 @@ impl StoredOffsets {
         };
         let shift = (&Some(self.shift), &Some(other.shift));
         let systems = self.systems.iter().zip(&other.systems);
+        let further = self.further_systems.iter().zip(&other.further_systems);
+        let mut further = further.chain([(&self.further_shift, &other.further_shift)]);
         systems.chain(self.references.iter().zip(&other.references)).chain([shift]).all(is_same)
+            && further.all(|(a, b)| a.is_near(*b, SAME_MM))
     }
 
     fn of(offsets: &[Offset]) -> Result<Self, LimitsProblem> {
         let mut stored = Self::default();
-        for Offset { name, position } in offsets {
+        for Offset { name, position, further } in offsets {
+            if let Some((axis, value)) = further.iter().find(|it| !it.1.is_finite()) {
+                let (name, letter) = (name.clone(), FURTHER_LETTERS[axis]);
+                return Err(LimitsProblem::OffsetValue { name, letter, value });
+            }
             if let Some(axis) = (0..3).find(|axis| !position[*axis].is_finite()) {
                 let (name, letter) = (name.clone(), AXIS_LETTERS[axis]);
                 return Err(LimitsProblem::OffsetValue { name, letter, value: position[axis] });
             }
             let system = (1..=9).find(|system| work_system(*system) == *name);
             match (name.as_str(), system) {
-                (_, Some(system)) => stored.systems[usize::from(system) - 1] = Some(*position),
+                (_, Some(system)) => {
+                    stored.systems[usize::from(system) - 1] = Some(*position);
+                    stored.further_systems[usize::from(system) - 1] = *further;
+                }
                 ("G28", _) => stored.references[0] = Some(*position),
                 ("G30", _) => stored.references[1] = Some(*position),
-                ("G92", _) => stored.shift = *position,
+                ("G92", _) => (stored.shift, stored.further_shift) = (*position, *further),
                 // A stored position that nobody here knows.
                 _ => {}
             }

@@ -7,6 +7,7 @@
 use crate::encoder::words::to_grid;
 use crate::machine_limits::StoredOffsets;
 use cnc_msgs::contour::{Action, Source, work_system};
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{Arc, AxisSet, Position, Shape};
 use cnc_msgs::path::CompensatedPath;
 
@@ -50,6 +51,19 @@ impl MoveFrame {
     }
 }
 
+/// A move of A, B, C, U, V or W: along with the next move, or alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct FurtherStep {
+    pub(crate) mode: FurtherMode,
+    /// In the machine frame, as far as it is known.
+    pub(crate) from: FurtherAxes,
+    pub(crate) to: FurtherAxes,
+    /// As the program gives them, in this frame.
+    pub(crate) named: FurtherAxes,
+    pub(crate) frame: MoveFrame,
+    pub(crate) source: Source,
+}
+
 /// Walks along a path.
 #[derive(Debug, Clone)]
 pub(crate) struct MachinePath {
@@ -61,6 +75,10 @@ pub(crate) struct MachinePath {
     tool_length_mm: f64,
     tool: u32,
     at: Known,
+    further_systems: [FurtherAxes; 9],
+    further_shift: FurtherAxes,
+    /// In the machine frame, as far as it is known.
+    further_at: FurtherAxes,
     next_element: usize,
     next_event: usize,
 }
@@ -69,6 +87,7 @@ pub(crate) struct MachinePath {
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Step {
     Move(MachineMove),
+    Further(FurtherStep),
     /// Something else, before the next move.
     Function(Action, Source),
 }
@@ -89,6 +108,9 @@ impl MachinePath {
             tool_length_mm: 0.0,
             tool: 0,
             at,
+            further_systems: offsets.further_systems,
+            further_shift: offsets.further_shift,
+            further_at: FurtherAxes::NONE,
             next_element: 0,
             next_event: 0,
         };
@@ -130,7 +152,14 @@ impl MachinePath {
         match event.filter(|event| event.at_element <= self.next_element || !has_element) {
             Some(event) => {
                 self.next_event += 1;
-                Some(self.function(event.action, event.source))
+                match event.action {
+                    Action::Further(further) => {
+                        let next = path.events.get(self.next_event);
+                        let owner = next.filter(|next| next.source == event.source);
+                        Some(self.further(further, owner.map(|it| it.action), event.source))
+                    }
+                    action => Some(self.function(action, event.source)),
+                }
             }
             None if has_element => {
                 self.next_element += 1;
@@ -187,6 +216,52 @@ impl MachinePath {
         }
     }
 
+    /// Where these axes go, or what they give the action that they belong to.
+    fn further(&mut self, it: FurtherMove, owner: Option<Action>, source: Source) -> Step {
+        let FurtherMove { axes: named, mode } = it;
+        let owner = owner.filter(|_| mode == FurtherMode::Along);
+        let (from, shift) = (self.further_at, self.further_shift);
+        let (system, offset) = (self.system, self.offset());
+        let mut step = FurtherStep {
+            mode,
+            from,
+            to: from,
+            named,
+            frame: MoveFrame::Work { system, offset },
+            source,
+        };
+        let to = match owner {
+            Some(Action::SetWorkOffset { system, by_position, .. }) => {
+                let zero = |(axis, value)| match by_position {
+                    false => Some((axis, value)),
+                    true => Some((axis, from.get(axis)? - shift.get(axis)? - value)),
+                };
+                if let Some(stored) = self.further_systems.get_mut(usize::from(system.max(1)) - 1) {
+                    let zero: FurtherAxes = named.iter().filter_map(zero).collect();
+                    *stored = zero.or(stored.without_all(named));
+                }
+                return Step::Further(step);
+            }
+            // Where the controller has stored them is not known here.
+            Some(Action::Reference { second, .. }) => {
+                step.frame = MoveFrame::Machine(if second { "G30" } else { "G28" });
+                FurtherAxes::NONE
+            }
+            Some(Action::MachineMove { .. }) => {
+                step.frame = MoveFrame::Machine("G53");
+                named
+            }
+            _ => {
+                let zero = self.further_systems[usize::from(system.clamp(1, 9)) - 1];
+                let end = |(axis, value)| Some((axis, value + zero.get(axis)? + shift.get(axis)?));
+                named.iter().filter_map(end).collect()
+            }
+        };
+        step.to = to.or(from.without_all(named));
+        self.further_at = step.to;
+        Step::Further(step)
+    }
+
     fn function(&mut self, action: Action, source: Source) -> Step {
         let from = self.at;
         match action {
@@ -203,6 +278,7 @@ impl MachinePath {
             Action::Home { axes } => {
                 let all = if axes.is_empty() { AxisSet::ALL } else { axes };
                 (0..3).filter(|&axis| all.contains(axis)).for_each(|axis| self.at[axis] = None);
+                self.further_at = FurtherAxes::NONE;
             }
             Action::MachineMove { target, axes, rapid, feed_mm_per_min } => {
                 (0..3)

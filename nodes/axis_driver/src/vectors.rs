@@ -28,19 +28,19 @@ pub(crate) fn sweep(arc: &Arc, start: Position, end: Position) -> f64 {
     if is_whole { 0.0 } else { turned }.mul_add(1.0, TAU * f64::from(arc.turns))
 }
 
-pub(crate) fn minus(a: Position, b: Position) -> Position {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+pub(crate) fn minus<const N: usize>(a: [f64; N], b: [f64; N]) -> [f64; N] {
+    std::array::from_fn(|axis| a[axis] - b[axis])
 }
 
-pub(crate) fn dot(a: Position, b: Position) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+pub(crate) fn dot<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
+    (0..N).map(|axis| a[axis] * b[axis]).sum()
 }
 
-pub(crate) fn norm(a: Position) -> f64 {
+pub(crate) fn norm<const N: usize>(a: [f64; N]) -> f64 {
     dot(a, a).sqrt()
 }
 
-pub(crate) fn unit(a: Position) -> Position {
+pub(crate) fn unit<const N: usize>(a: [f64; N]) -> [f64; N] {
     let length = norm(a);
     if length > 0.0 { a.map(|value| value / length) } else { a }
 }

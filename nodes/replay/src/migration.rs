@@ -125,6 +125,11 @@ const MIGRATIONS: &[Migration] = &[
         ],
     },
     Migration {
+        type_name: "cnc_msgs/msg/ControllerSettings",
+        from: "RIHS01_e764618d25924d7acc696dc260a09e79bc7c4e7953e53974c6c5933894bf7461",
+        added: &["axes", "offsets[*].further_axes", "offsets[*].further_position"],
+    },
+    Migration {
         type_name: "cnc_msgs/msg/RunResult",
         from: "RIHS01_d397c422512a1dc2455bf1b9236b8d111aa1902d97b745e1a42328072d2f5daa",
         added: &["last_occurrence", "start_line", "start_occurrence"],

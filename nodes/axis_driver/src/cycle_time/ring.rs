@@ -3,9 +3,8 @@
 //! Source: `planner.c` of grbl 1.1h and of grblHAL, whose acceleration follows from the jerk where
 //! it is built with it.
 
-use crate::machine_limits::MachineLimits;
+use crate::machine_limits::{Direction, MachineLimits};
 use crate::vectors::{dot, minus, norm, unit};
-use cnc_msgs::geometry::Position;
 use std::collections::VecDeque;
 
 /// Cosines nearer to 1 or -1 than this are straight on or straight back.
@@ -26,10 +25,10 @@ impl Default for Speeds {
     }
 }
 
-/// A straight block, mm and s.
+/// A straight block, s and mm; degrees count like mm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block {
-    unit: Position,
+    unit: Direction,
     length: f64,
     acceleration: f64,
     /// What the axes can do along it.
@@ -47,7 +46,7 @@ impl Block {
     /// `None`: it has no length.
     pub(super) fn new(
         limits: &MachineLimits,
-        way: Position,
+        way: Direction,
         feed_mm_per_min: Option<f64>,
         element: usize,
     ) -> Option<Self> {
@@ -182,7 +181,7 @@ fn reach(speed: f64, block: &Block) -> f64 {
 }
 
 /// The speed at which a corner is taken.
-fn junction(before: Position, after: Position, limits: &MachineLimits) -> f64 {
+fn junction(before: Direction, after: Direction, limits: &MachineLimits) -> f64 {
     let cosine = dot(before, after);
     if cosine > 1.0 - STRAIGHT {
         return f64::INFINITY;

@@ -107,10 +107,11 @@ impl Context {
             version: machine.version.clone(),
             options: machine.options.clone(),
             planner_blocks: machine.planner_blocks(),
+            axes: machine.axis_letters(),
             receive_bytes: self.link.receive_bytes(),
             window: self.link.window(),
             settings: machine.reported.iter().map(|(n, value)| (*n, value.clone())).collect(),
-            offsets: machine.offsets.clone(),
+            offsets: machine.stored_offsets(),
         };
         self.outputs.push_back(Output::Settings(settings));
     }

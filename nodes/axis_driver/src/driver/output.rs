@@ -90,6 +90,8 @@ pub struct ControllerSettings {
     pub version: String,
     pub options: String,
     pub planner_blocks: u16,
+    /// `XYZA`: the letter of each axis, in the order of the settings.
+    pub axes: String,
     pub receive_bytes: u16,
     /// The most that is sent before an answer, bytes.
     pub window: usize,
@@ -98,9 +100,10 @@ pub struct ControllerSettings {
     pub offsets: Vec<Offset>,
 }
 
-/// A stored position: G54 to G59, G28, G30, G92, TLO; machine frame, mm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// A stored position: G54 to G59, G28, G30, G92, TLO; machine frame, mm and degrees.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Offset {
     pub name: String,
     pub position: Position,
+    pub further: FurtherAxes,
 }

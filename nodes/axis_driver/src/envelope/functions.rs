@@ -3,11 +3,12 @@
 //! Warnings only: the firmware limits a speed or a feed by itself, and laser mode may be meant.
 
 use super::{EnvelopeReport, Workplace, place};
-use crate::machine_limits::MachineLimits;
-use crate::machine_path::MachineMove;
-use crate::vectors::{minus, unit};
+use crate::machine_limits::{MachineLimits, direction};
+use crate::machine_path::{FurtherStep, MachineMove};
+use crate::vectors::{minus, norm, unit};
 use cnc_msgs::contour::{Action, Source, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes, FurtherMode, further_distance};
 use cnc_msgs::geometry::{Arc, Position};
 use std::collections::BTreeMap;
 
@@ -23,7 +24,9 @@ pub(super) struct FunctionCheck {
     diameters_mm: BTreeMap<u32, f64>,
     above: Seen,
     below: Seen,
-    feed: Option<(Source, f64, f64)>,
+    feed: Option<TooFast>,
+    /// Of the move that comes next.
+    along: Option<FurtherStep>,
     /// The first block that starts the spindle, and how.
     started: Option<(Source, SpindleMode)>,
     is_on: bool,
@@ -32,6 +35,18 @@ pub(super) struct FunctionCheck {
     has_moved_z: bool,
     power_changes: u32,
     has_cut_since: bool,
+}
+
+/// A feed that the axes cannot follow.
+#[derive(Debug, Clone)]
+struct TooFast {
+    source: Source,
+    /// mm or degrees a minute, as the block has it.
+    feed: f64,
+    /// What the axes can do.
+    rate: f64,
+    unit: &'static str,
+    settings: String,
 }
 
 /// A value that is out of range: the first block with it, and how many there are.
@@ -63,6 +78,7 @@ impl FunctionCheck {
             above: Seen::default(),
             below: Seen::default(),
             feed: None,
+            along: None,
             started: None,
             is_on: false,
             tool: 0,
@@ -102,6 +118,7 @@ impl FunctionCheck {
     }
 
     pub(super) fn see_move(&mut self, it: &MachineMove) {
+        let along = self.along.take();
         self.has_moved_z |= it.from[2].is_some_and(|from| it.to[2] != Some(from));
         let Some(feed) = it.feed_mm_per_min else { return };
         self.has_cut_since = true;
@@ -110,14 +127,54 @@ impl FunctionCheck {
         }
         let Some((from, to)) = whole(it.from).zip(whole(it.to)) else { return };
         let rate = self.slowest(from, to, it.arc.as_ref());
-        if feed > rate * (1.0 + 1e-9) {
-            self.feed = Some((it.source, feed, rate));
+        let (mut rate, mut settings) = (rate, "$110 to $112".to_owned());
+        if let Some((minutes, setting)) = along.and_then(|along| self.shortest(&along)) {
+            // No arc is sent with them.
+            let way = norm(minus(to, from));
+            if way / minutes < rate {
+                (rate, settings) = (way / minutes, setting);
+            }
         }
+        self.compare(TooFast { source: it.source, feed, rate, unit: "mm", settings });
+    }
+
+    /// A move of A to W.
+    pub(super) fn see_further(&mut self, it: &FurtherStep) {
+        match it.mode {
+            FurtherMode::Along => self.along = Some(*it),
+            FurtherMode::Rapid => {}
+            FurtherMode::Feed(feed) => {
+                let Some((minutes, settings)) = self.shortest(it) else { return };
+                let rate = further_distance(it.from, it.to) / minutes;
+                let unit = if it.named.only_turns() { "degrees" } else { "mm" };
+                self.compare(TooFast { source: it.source, feed, rate, unit, settings });
+            }
+        }
+    }
+
+    fn compare(&mut self, it: TooFast) {
+        if self.feed.is_none() && it.feed > it.rate * (1.0 + 1e-9) {
+            self.feed = Some(it);
+        }
+    }
+
+    /// The shortest time of a move of A to W, minutes, and the setting that makes it so; `None` where
+    /// none is known to move.
+    fn shortest(&self, it: &FurtherStep) -> Option<(f64, String)> {
+        let minutes = |(axis, to): (usize, f64)| {
+            let limits = self.limits.further[axis]?;
+            let minutes = (to - it.from.get(axis)?).abs() / limits.rate_per_min;
+            (minutes > 0.0).then_some((minutes, axis, limits.place))
+        };
+        let (minutes, axis, place) =
+            it.to.iter().filter_map(minutes).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((minutes, format!("${} of {}", 110 + place, FURTHER_LETTERS[axis])))
     }
 
     /// The least of what the axes can do along a move, mm/min.
     fn slowest(&self, from: Position, to: Position, arc: Option<&Arc>) -> f64 {
-        let Some(arc) = arc else { return self.limits.rate_along(unit(minus(to, from))) };
+        let along = |unit| self.limits.rate_along(direction(unit, FurtherAxes::NONE));
+        let Some(arc) = arc else { return along(unit(minus(to, from))) };
         let [a, b, _] = arc.plane.axes();
         let tangent = |at: Position| {
             let mut direction = [0.0; 3];
@@ -132,7 +189,7 @@ impl FunctionCheck {
             direction
         });
         let directions = [tangent(from), tangent(to)].into_iter().chain(quadrants);
-        directions.map(|it| self.limits.rate_along(it)).fold(f64::INFINITY, f64::min)
+        directions.map(along).fold(f64::INFINITY, f64::min)
     }
 
     pub(super) fn report(&self, report: &mut EnvelopeReport) {
@@ -155,13 +212,13 @@ impl FunctionCheck {
             );
             report.findings.push(warn(source, text).help("program a higher speed, or correct $31"));
         }
-        if let Some((source, feed, rate)) = self.feed {
+        if let Some(TooFast { source, feed, rate, unit, settings }) = &self.feed {
             let text = format!(
-                "F{feed} is faster than the axes: the controller moves at {rate:.0} mm/min here \
-                 ($110 to $112); later blocks are not listed"
+                "F{feed} is faster than the axes: the controller moves at {rate:.0} {unit}/min here \
+                 ({settings}); later blocks are not listed"
             );
             let help = "program a lower feed; the part takes longer than its feeds say";
-            report.findings.push(warn(source, text).help(help));
+            report.findings.push(warn(*source, text).help(help));
         }
         if let Some((source, tool, diameter)) = self.cutter.filter(|_| self.limits.is_laser) {
             let text = format!(

@@ -120,7 +120,12 @@ fn placed(it: &KeepOutBox, limits: &MachineLimits) -> Result<Bounds, String> {
             MachineZero::Unknown { because } if limits.frame_is_unknown() => {
                 return Err(because.to_owned());
             }
-            _ => [0.0; 3],
+            _ => match limits.axes_not_homed().next() {
+                Some(letter) => {
+                    return Err(format!("no setting says that {letter} is homed ($44 to $49)"));
+                }
+                None => [0.0; 3],
+            },
         },
         Frame::Work(system) => {
             let stored = limits.offsets.systems[usize::from(system) - 1];

@@ -3,9 +3,10 @@
 use super::*;
 use crate::driver::Offset;
 use crate::firmware::Firmware;
-use crate::machine_limits::tests::settings;
+use crate::machine_limits::tests::{settings, with_axes};
 use cnc_msgs::contour::{Action, Source, SpindleMode};
 use cnc_msgs::finding::Code;
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::keep_out::{Frame, KeepOutBox};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
@@ -50,7 +51,7 @@ impl Program {
 
 fn machine(changes: &[(u16, f64)]) -> MachineLimits {
     let mut settings = settings(Firmware::Grbl, "V", changes);
-    let stored = |name: &str, position| Offset { name: name.into(), position };
+    let stored = |name: &str, position| Offset { name: name.into(), position, ..Offset::default() };
     settings.offsets = vec![
         stored("G54", [-500.0, -300.0, -60.0]),
         stored("G55", [-200.0, -300.0, -60.0]),
@@ -339,4 +340,112 @@ fn settings_that_change_the_program_are_warnings_with_their_line() {
         check(&report, expected);
         assert!(report.findings.iter().all(|it| !it.is_error()));
     }
+}
+
+/// A grblHAL with A and U whose zero of G54 is at A-90; homing takes in A as these masks say.
+fn turning_machine(masks: &[(u16, f64)]) -> MachineLimits {
+    let mut settings = with_axes(settings(Firmware::GrblHal, "", masks), "XYZAU");
+    let further = FurtherAxes::NONE.with(0, -90.0).with(3, -10.0);
+    let zero = FurtherAxes::NONE.with(0, 0.0).with(3, 0.0);
+    let position = [-500.0, -300.0, -60.0];
+    settings.offsets = vec![
+        Offset { name: "G54".into(), position, further },
+        Offset { name: "G92".into(), position: [0.0; 3], further: zero },
+    ];
+    MachineLimits::of(&settings).expect("a machine")
+}
+
+#[test]
+fn further_axes_are_judged_by_their_travel_where_it_is_known() {
+    let go = |mode, axes| Action::Further(FurtherMove { axes, mode });
+    let a = |value| FurtherAxes::NONE.with(0, value);
+    let u = |value| FurtherAxes::NONE.with(3, value);
+    let none = KeepOut::default();
+    let homed = [(44, 4.0), (45, 3.0), (46, 24.0)];
+    let rapid = FurtherMode::Rapid;
+    let report = judge(&turning_machine(&homed), &begun().act(go(rapid, a(80.0))), &none);
+    check(&report, &[]);
+    assert!(report.not_judged.is_empty(), "{:?}", report.not_judged);
+    // Beyond at both ends, alone and along.
+    let program = begun()
+        .act(go(rapid, a(100.0)))
+        .act(go(FurtherMode::Along, a(-280.0)))
+        .rapid("X", [50.0, 0.0, 10.0]);
+    check(
+        &judge(&turning_machine(&homed), &program, &none),
+        &[(
+            Code::Travel,
+            3,
+            "the program needs 380.000 degrees in A, from line 4 to line 3; the machine has \
+                 360.000 degrees ($133), 20.000 degrees less",
+        )],
+    );
+    let program = begun().act(go(rapid, a(100.0)));
+    check(
+        &judge(&turning_machine(&homed), &program, &none),
+        &[(
+            Code::Travel,
+            3,
+            "the move goes to A10.000 in the machine frame (A100.000 in G54), 10.000 degrees \
+             beyond the travel from A-360.000 to A0.000",
+        )],
+    );
+    // An axis that is not homed: an angle means nothing, a length has to fit all the same.
+    let not_homed = [(44, 4.0), (45, 3.0)];
+    let program =
+        begun().act(go(rapid, a(9_000.0))).act(go(rapid, u(0.0))).act(go(rapid, u(400.0)));
+    let report = judge(&turning_machine(&not_homed), &program, &none);
+    check(
+        &report,
+        &[(
+            Code::Travel,
+            5,
+            "the program needs 400.000 mm in U, from line 4 to line 5; the machine has 360.000 mm \
+             ($134), 40.000 mm less",
+        )],
+    );
+    assert_eq!(report.not_judged.len(), 2, "{:?}", report.not_judged);
+    assert!(report.not_judged[0].starts_with("where A lies in its travel: no setting says"));
+    // An axis of which nothing is said, and one in a system whose place is not known.
+    let program = begun().act(Action::WorkOffset { system: 2 }).act(go(rapid, a(1.0)));
+    let report = judge(&turning_machine(&homed), &program, &none);
+    check(&report, &[]);
+    assert!(report.not_judged.iter().any(|it| it.starts_with("moves of A in G55")), "{report:?}");
+}
+
+#[test]
+fn a_feed_that_a_further_axis_cannot_follow_is_a_warning() {
+    let go =
+        |mode, value| Action::Further(FurtherMove { axes: FurtherAxes::NONE.with(0, value), mode });
+    let limits = turning_machine(&[(44, 15.0)]);
+    let none = KeepOut::default();
+    let start = || begun().act(go(FurtherMode::Rapid, 0.0));
+    // A turns by 60 degrees while X, Y and Z go 10 mm: at 3600 degrees/min a sixtieth of a minute.
+    let along = |feed: f64| {
+        start().act(go(FurtherMode::Along, 60.0)).go(
+            "X",
+            [10.0, 0.0, 10.0],
+            Some(feed),
+            Shape::Line,
+        )
+    };
+    check(&judge(&limits, &along(590.0), &none), &[]);
+    check(
+        &judge(&limits, &along(610.0), &none),
+        &[(
+            Code::MachineSetting,
+            5,
+            "F610 is faster than the axes: the controller moves at 600 mm/min here ($113 of A)",
+        )],
+    );
+    let alone = |feed| start().act(go(FurtherMode::Feed(feed), 60.0));
+    check(&judge(&limits, &alone(3_600.0), &none), &[]);
+    check(
+        &judge(&limits, &alone(3_700.0), &none),
+        &[(
+            Code::MachineSetting,
+            4,
+            "F3700 is faster than the axes: the controller moves at 3600 degrees/min here ($113 of A)",
+        )],
+    );
 }

@@ -4,9 +4,10 @@
 
 use super::{EnvelopeReport, place};
 use crate::machine_limits::{MachineLimits, MachineZero};
-use crate::machine_path::{Known, MachineMove, MoveFrame};
+use crate::machine_path::{FurtherStep, Known, MachineMove, MoveFrame};
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use std::collections::BTreeSet;
 
@@ -17,22 +18,38 @@ const TOLERANCE_MM: f64 = 0.01;
 /// Collects how far each axis goes.
 #[derive(Debug, Clone)]
 pub(super) struct TravelCheck {
-    /// Least and greatest coordinate, where they are known.
-    bounds: Option<[[f64; 2]; 3]>,
+    /// X, Y, Z, A, B, C, U, V and W.
+    axes: [AxisReach; 9],
     zero_unknown: Option<&'static str>,
-    travel_mm: [Option<f64>; 3],
-    axes: [AxisReach; 3],
-    /// Words of frames whose place is not known.
+    /// Moves in frames whose place is not known.
     unplaced: BTreeSet<String>,
 }
 
-/// How far one axis goes.
+/// How far one axis goes, and may go.
 #[derive(Debug, Clone, Default)]
 struct AxisReach {
+    room: Room,
+    /// A program moves it.
+    is_named: bool,
     least: Option<Reach>,
     greatest: Option<Reach>,
     /// Below the travel, and above it.
     beyond: [Option<Beyond>; 2],
+}
+
+/// What one axis has.
+#[derive(Debug, Clone, Copy, Default)]
+struct Room {
+    letter: char,
+    /// `mm` or `degrees`.
+    unit: &'static str,
+    /// Of its travel: 130 for X.
+    setting: u16,
+    travel: Option<f64>,
+    /// Least and greatest coordinate, where they are known.
+    bounds: Option<[f64; 2]>,
+    /// Nothing but homing says what its coordinates mean: not even its span is judged without.
+    turns: bool,
 }
 
 /// A coordinate that an axis reaches.
@@ -61,21 +78,37 @@ struct Beyond {
 impl TravelCheck {
     pub(super) fn new(limits: &MachineLimits, start: Known) -> Self {
         let (bounds, zero_unknown) = match limits.zero {
-            MachineZero::Placed { min_mm, max_mm } => {
-                (Some(std::array::from_fn(|axis| [min_mm[axis], max_mm[axis]])), None)
+            MachineZero::Placed { bounds_mm } => (bounds_mm, None),
+            MachineZero::Unknown { because } => ([None; 3], Some(because)),
+        };
+        let room = |axis: usize| match axis.checked_sub(3) {
+            None => Room {
+                letter: AXIS_LETTERS[axis],
+                unit: "mm",
+                setting: 130 + axis as u16,
+                travel: limits.travel_mm[axis],
+                bounds: bounds[axis],
+                turns: false,
+            },
+            Some(further) => {
+                let turns = FurtherAxes::is_rotary(further);
+                let it = limits.further[further];
+                Room {
+                    letter: FURTHER_LETTERS[further],
+                    unit: if turns { "degrees" } else { "mm" },
+                    setting: it.map_or(0, |it| 130 + it.place),
+                    travel: it.and_then(|it| it.travel),
+                    bounds: it.and_then(|it| it.bounds),
+                    turns,
+                }
             }
-            MachineZero::Unknown { because } => (None, Some(because)),
         };
-        let mut check = Self {
-            bounds,
-            zero_unknown,
-            travel_mm: limits.travel_mm,
-            axes: Default::default(),
-            unplaced: BTreeSet::new(),
-        };
+        let axis = |axis: usize| AxisReach { room: room(axis), ..AxisReach::default() };
+        let axes = std::array::from_fn(axis);
+        let mut check = Self { axes, zero_unknown, unplaced: BTreeSet::new() };
         // The tool stands within the machine: that counts for the span.
         for (reach, at) in check.axes.iter_mut().zip(start) {
-            if let (Some(in_machine), None) = (at, bounds) {
+            if let (Some(in_machine), None) = (at, reach.room.bounds) {
                 let frame = MoveFrame::Machine("the start");
                 let source = Source::default();
                 let (in_work, position) = (None, None);
@@ -85,12 +118,32 @@ impl TravelCheck {
         check
     }
 
+    /// A move of A to W.
+    pub(super) fn see_further(&mut self, it: &FurtherStep) {
+        for (axis, value) in it.named.iter() {
+            let reach = &mut self.axes[3 + axis];
+            reach.is_named = true;
+            let FurtherStep { frame, source, .. } = *it;
+            match it.to.get(axis) {
+                Some(in_machine) => {
+                    let in_work = matches!(frame, MoveFrame::Work { .. }).then_some(value);
+                    reach.see(Reach { in_machine, in_work, position: None, frame, source });
+                }
+                None if reach.room.is_judged() => {
+                    let letter = reach.room.letter;
+                    self.unplaced.insert(format!("moves of {letter} in {}", frame.name()));
+                }
+                None => {}
+            }
+        }
+    }
+
     pub(super) fn see(&mut self, it: &MachineMove) {
         for axis in (0..3).filter(|&axis| it.axes.contains(axis)) {
             match it.to[axis] {
                 Some(_) => self.reach(axis, it.to, it),
                 None => {
-                    self.unplaced.insert(it.frame.name());
+                    self.unplaced.insert(format!("moves in {}", it.frame.name()));
                 }
             }
         }
@@ -119,43 +172,47 @@ impl TravelCheck {
             MoveFrame::Machine(_) => (None, None),
         };
         let reach = Reach { in_machine, in_work, position, frame: it.frame, source: it.source };
-        self.axes[axis].widen(reach);
-        if self.travel_mm[axis].is_none() {
-            return;
-        }
-        let Some([min, max]) = self.bounds.map(|bounds| bounds[axis]) else { return };
-        for (end, by) in [min - in_machine, in_machine - max].into_iter().enumerate() {
-            if by > TOLERANCE_MM {
-                self.axes[axis].leave(end, reach);
-            }
-        }
+        self.axes[axis].see(reach);
     }
 
     pub(super) fn report(&self, report: &mut EnvelopeReport) {
-        for (axis, letter) in AXIS_LETTERS.into_iter().enumerate() {
-            let (Some(travel), reach) = (self.travel_mm[axis], &self.axes[axis]) else {
-                let text = format!(
-                    "the travel of {letter}: ${} is 0, or as grbl is delivered while soft limits \
-                     are off ($20=0)",
-                    130 + axis
-                );
+        let (cartesian, further) = self.axes.split_at(3);
+        let named = further.iter().filter(|reach| reach.is_named);
+        for reach in cartesian.iter().chain(named) {
+            let Room { letter, setting, bounds, .. } = reach.room;
+            let Some(travel) = reach.room.travel else {
+                let text = match setting {
+                    0 => format!("the travel of {letter}: the controller has not named this axis"),
+                    _ => format!(
+                        "the travel of {letter}: ${setting} is 0, or as grbl is delivered while \
+                         soft limits are off ($20=0)"
+                    ),
+                };
                 report.not_judged.push(text);
                 continue;
             };
-            let span = reach.greatest.zip(reach.least);
+            if bounds.is_none() && self.zero_unknown.is_none() {
+                let rest = match reach.room.is_judged() {
+                    true => "; only its length was compared",
+                    false => "",
+                };
+                report.not_judged.push(format!(
+                    "where {letter} lies in its travel: no setting says that it is homed ($44 to \
+                     $49){rest}"
+                ));
+            }
+            let span = reach.greatest.zip(reach.least).filter(|_| reach.room.is_judged());
             let span = span.map(|(most, least)| (most.in_machine - least.in_machine, most, least));
-            let room = self.bounds.map_or(travel, |bounds| bounds[axis][1] - bounds[axis][0]);
+            let room = bounds.map_or(travel, |[min, max]| max - min);
             match span {
                 Some((span, most, least)) if span > room + TOLERANCE_MM => {
-                    report.findings.push(too_long(letter, 130 + axis, span, room, most, least));
+                    report.findings.push(too_long(&reach.room, span, room, most, least));
                 }
                 _ => {
                     let beyond = reach.beyond.iter().enumerate();
                     let found = beyond.filter_map(|(end, it)| Some((end, it.as_ref()?)));
-                    let bounds = self.bounds.map(|bounds| bounds[axis]).unwrap_or_default();
-                    report.findings.extend(
-                        found.map(|(end, it)| outside(letter, 130 + axis, end, it, bounds)),
-                    );
+                    let found = found.map(|(end, it)| outside(&reach.room, end, it));
+                    report.findings.extend(found);
                 }
             }
         }
@@ -165,13 +222,33 @@ impl TravelCheck {
             );
             report.not_judged.push(text);
         }
-        for word in &self.unplaced {
-            report.not_judged.push(format!("moves in {word}: its stored position is not known"));
+        for moves in &self.unplaced {
+            report.not_judged.push(format!("{moves}: its stored position is not known"));
         }
     }
 }
 
+impl Room {
+    /// Whether anything is known that its moves can be compared with.
+    fn is_judged(&self) -> bool {
+        self.travel.is_some() && (self.bounds.is_some() || !self.turns)
+    }
+}
+
 impl AxisReach {
+    fn see(&mut self, reach: Reach) {
+        self.widen(reach);
+        let Some([min, max]) = self.room.bounds.filter(|_| self.room.travel.is_some()) else {
+            return;
+        };
+        let at = reach.in_machine;
+        for (end, by) in [min - at, at - max].into_iter().enumerate() {
+            if by > TOLERANCE_MM {
+                self.leave(end, reach);
+            }
+        }
+    }
+
     fn widen(&mut self, reach: Reach) {
         if self.least.is_none_or(|least| reach.in_machine < least.in_machine) {
             self.least = Some(reach);
@@ -227,18 +304,12 @@ impl Reach {
     }
 }
 
-fn too_long(
-    letter: char,
-    number: usize,
-    span: f64,
-    room: f64,
-    most: Reach,
-    least: Reach,
-) -> Finding {
+fn too_long(of: &Room, span: f64, room: f64, most: Reach, least: Reach) -> Finding {
+    let Room { letter, unit, setting: number, .. } = of;
     let source = if most.source.line == 0 { least.source } else { most.source };
     let message = format!(
-        "the program needs {span:.3} mm in {letter}, from {} to {}; the machine has {room:.3} mm \
-         (${number}), {:.3} mm less",
+        "the program needs {span:.3} {unit} in {letter}, from {} to {}; the machine has {room:.3} \
+         {unit} (${number}), {:.3} {unit} less",
         least.place(),
         most.place(),
         span - room
@@ -246,24 +317,26 @@ fn too_long(
     let mut finding = Finding::error(Code::Travel, source, message).help(format!(
         "split the program or turn the part; if the travel is wrong, correct ${number}"
     ));
-    finding.needed_mm = Some(span);
-    finding.available_mm = Some(room);
+    let mm = |value| (!of.turns).then_some(value);
+    (finding.needed_mm, finding.available_mm) = (mm(span), mm(room));
     finding
 }
 
-fn outside(letter: char, number: usize, end: usize, it: &Beyond, [min, max]: [f64; 2]) -> Finding {
+fn outside(of: &Room, end: usize, it: &Beyond) -> Finding {
+    let &Room { letter, unit, setting: number, .. } = of;
+    let [min, max] = of.bounds.unwrap_or_default();
     let by = |reach: &Reach| match end {
         0 => min - reach.in_machine,
         _ => reach.in_machine - max,
     };
     let mut message = format!(
-        "the move goes to {}, {:.3} mm beyond the travel from {letter}{min:.3} to {letter}{max:.3}",
+        "the move goes to {}, {:.3} {unit} beyond the travel from {letter}{min:.3} to {letter}{max:.3}",
         it.first.text(letter),
         by(&it.first)
     );
     if it.blocks > 1 {
         message += &format!(
-            "; {} blocks do so, {} the farthest, by {:.3} mm",
+            "; {} blocks do so, {} the farthest, by {:.3} {unit}",
             it.blocks,
             it.farthest.place(),
             by(&it.farthest)
@@ -272,7 +345,7 @@ fn outside(letter: char, number: usize, end: usize, it: &Beyond, [min, max]: [f6
     let towards = if end == 0 { '+' } else { '-' };
     let help = match it.system {
         Some(system) => format!(
-            "move the work zero of {} by at least {:.3} mm towards {letter}{towards}; if the \
+            "move the work zero of {} by at least {:.3} {unit} towards {letter}{towards}; if the \
              travel is wrong, correct ${number}",
             cnc_msgs::contour::work_system(system),
             by(&it.farthest)

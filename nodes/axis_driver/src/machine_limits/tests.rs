@@ -68,7 +68,8 @@ fn each_firmware_has_its_zero_where_its_own_check_has_it() {
     ] {
         let limits = MachineLimits::of(&settings(firmware, options, changes)).expect("a machine");
         let (min_mm, max_mm) = expected;
-        let expected = MachineZero::Placed { min_mm, max_mm };
+        let bounds_mm = std::array::from_fn(|axis| Some([min_mm[axis], max_mm[axis]]));
+        let expected = MachineZero::Placed { bounds_mm };
         assert_eq!(limits.zero, expected, "{firmware:?} {options} {changes:?}");
         assert!(matches!(limits.not_homed().zero, MachineZero::Unknown { .. }));
     }
@@ -122,7 +123,11 @@ fn settings_that_no_machine_has_are_refused_with_their_number() {
         "$132 (Z-axis maximum travel, mm) is missing: these are not all settings of a grbl controller"
     );
     let mut odd = settings(Firmware::Grbl, "V", &[]);
-    odd.offsets = vec![Offset { name: "G54".into(), position: [0.0, f64::INFINITY, 0.0] }];
+    odd.offsets = vec![Offset {
+        name: "G54".into(),
+        position: [0.0, f64::INFINITY, 0.0],
+        ..Offset::default()
+    }];
     assert_eq!(of(&odd).to_string(), "Y of G54 is inf; it must be a finite number");
 }
 
@@ -133,6 +138,7 @@ fn a_file_of_another_board_is_named() {
         version: String::new(),
         options: String::new(),
         planner_blocks: None,
+        axes: String::new(),
         settings: [(number, SettingValue::Number(1.0))].into(),
         offsets_mm: BTreeMap::new(),
     };
@@ -149,4 +155,83 @@ fn a_file_of_another_board_is_named() {
         settings_of_file(&file("grblhal", 341)).expect("its own").firmware,
         Firmware::GrblHal
     );
+}
+
+/// The same with more axes; their settings are 3600 a minute, 100 per s² and a travel of 360.
+pub(crate) fn with_axes(mut of: ControllerSettings, axes: &str) -> ControllerSettings {
+    axes.clone_into(&mut of.axes);
+    for place in 3..axes.len() as u16 {
+        let values = [(100, "50"), (110, "3600"), (120, "100"), (130, "360")];
+        of.settings.extend(values.map(|(base, value)| (base + place, value.to_owned())));
+    }
+    of
+}
+
+#[test]
+fn further_axes_have_the_settings_of_their_place_and_bounds_where_they_are_homed() {
+    let of = |firmware, axes: &str, changes: &[(u16, f64)]| {
+        let settings = with_axes(settings(firmware, "V", changes), axes);
+        MachineLimits::of(&settings).expect("a machine")
+    };
+    let limits = of(Firmware::GrblHal, "XYZUA", &[]);
+    let places = limits.further.map(|it| it.map(|it| it.place));
+    assert_eq!(places, [Some(4), None, None, Some(3), None, None]);
+    for (firmware, changes, x, a) in [
+        // Without masks X, Y and Z are homed, and no other axis is.
+        (Firmware::Grbl, &[][..], Some([-600.0, 0.0]), None),
+        (Firmware::GrblHal, &[(44, 4.0), (45, 3.0)], Some([-600.0, 0.0]), None),
+        (Firmware::GrblHal, &[(44, 4.0), (45, 11.0)], Some([-600.0, 0.0]), Some([-360.0, 0.0])),
+        (Firmware::GrblHal, &[(44, 4.0), (45, 10.0)], None, Some([-360.0, 0.0])),
+        (
+            Firmware::GrblHal,
+            &[(22, 9.0), (23, 8.0), (44, 15.0)],
+            Some([-600.0, 0.0]),
+            Some([0.0, 360.0]),
+        ),
+    ] {
+        let limits = of(firmware, "XYZA", changes);
+        let MachineZero::Placed { bounds_mm } = limits.zero else { panic!("{limits:?}") };
+        let bounds = (bounds_mm[0], limits.further[0].expect("A").bounds);
+        assert_eq!(bounds, (x, a), "{firmware:?} {changes:?}");
+        assert_eq!(limits.not_homed().further[0].expect("A").bounds, None);
+    }
+    assert_eq!(of(Firmware::FluidNc, "XYZA", &[]).further[0].expect("A").bounds, None);
+}
+
+#[test]
+fn a_file_names_its_axes_and_has_a_value_for_each() {
+    let file = |axes: &str, values: &[f64]| MachineFile {
+        firmware: "grblhal".into(),
+        version: String::new(),
+        options: String::new(),
+        planner_blocks: None,
+        settings: BTreeMap::new(),
+        axes: axes.into(),
+        offsets_mm: [("G54".to_owned(), values.to_vec())].into(),
+    };
+    for (axes, values, further) in [
+        ("", &[1.0, 2.0, 3.0][..], Ok("")),
+        ("XYZUA", &[1.0, 2.0, 3.0], Ok("")),
+        ("XYZUA", &[1.0, 2.0, 3.0, 4.0, 5.0], Ok(" A5 U4")),
+        // A letter that is not known here.
+        ("XYZMA", &[1.0, 2.0, 3.0, 4.0, 5.0], Ok(" A5")),
+        (
+            "XYZA",
+            &[1.0, 2.0, 3.0, 4.0, 5.0],
+            Err("G54 has 5 values; the machine has the 4 axes XYZA"),
+        ),
+        ("", &[1.0, 2.0], Err("G54 has 2 values; the machine has the 3 axes XYZ")),
+        ("XYA", &[], Err("axes is \"XYA\"; it must be XYZ, and then the letters of the others")),
+        (
+            "XYZAA",
+            &[],
+            Err("axes is \"XYZAA\"; it must be XYZ, and then the letters of the others"),
+        ),
+    ] {
+        match (settings_of_file(&file(axes, values)), further) {
+            (Ok(read), Ok(further)) => assert_eq!(read.offsets[0].further.words(), further),
+            (Err(problem), Err(text)) => assert_eq!(problem.to_string(), text),
+            (read, _) => panic!("{axes} {values:?}: {read:?}"),
+        }
+    }
 }

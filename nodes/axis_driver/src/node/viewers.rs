@@ -53,6 +53,8 @@ pub fn settings_to_wire(
     let offsets = settings.offsets.iter().map(|offset| WorkOffset {
         name: offset.name.clone(),
         position: point_from_position(offset.position),
+        further_axes: offset.further.bits(),
+        further_position: further_to_wire(offset.further),
     });
     ControllerSettingsMessage {
         stamp,
@@ -60,6 +62,7 @@ pub fn settings_to_wire(
         version: settings.version.clone(),
         options: settings.options.clone(),
         planner_blocks: settings.planner_blocks.into(),
+        axes: settings.axes.clone(),
         receive_buffer_size: settings.receive_bytes.into(),
         window: u32::try_from(settings.window).unwrap_or(u32::MAX),
         hold_latency: settings.window as f64 * 10.0 / f64::from(baud.max(1)),

@@ -2,8 +2,10 @@
 
 use crate::exit::{CommandResult, Failure, Status};
 use axis_driver::firmware::Firmware;
+use cnc_msgs::convert::further_from_wire;
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::units::position_from_point;
-use cnc_msgs::wire::cnc_msgs::msg::ControllerSettings;
+use cnc_msgs::wire::cnc_msgs::msg::{ControllerSettings, WorkOffset};
 use runtime::{Handle, Qos, Subscription};
 use std::time::Duration;
 use tokio::time::timeout;
@@ -52,6 +54,9 @@ fn text(of: &ControllerSettings) -> String {
         Some(usual) => format!("# not reported; the usual number: planner_blocks: {usual}\n"),
         None => format!("planner_blocks: {}\n", of.planner_blocks),
     };
+    if !of.axes.is_empty() {
+        text += &format!("axes: {}\n", quoted(&of.axes));
+    }
     text += "settings:\n";
     for row in &of.settings {
         let is_number = row.value.parse::<f64>().is_ok_and(f64::is_finite);
@@ -70,10 +75,20 @@ fn text(of: &ControllerSettings) -> String {
     };
     text += offsets;
     for offset in &of.offsets {
-        let [x, y, z] = position_from_point(&offset.position).map(rounded);
-        text += &format!("  {}: [{x}, {y}, {z}]\n", quoted(&offset.name));
+        let values = position_from_point(&offset.position).into_iter();
+        let further = further_in_order(&of.axes, offset).unwrap_or_default();
+        let values: Vec<String> =
+            values.chain(further).map(|value| rounded(value).to_string()).collect();
+        text += &format!("  {}: [{}]\n", quoted(&offset.name), values.join(", "));
     }
     text
+}
+
+/// The values after X, Y and Z, in the order of the axes; `None` where one is not known.
+fn further_in_order(axes: &str, offset: &WorkOffset) -> Option<Vec<f64>> {
+    let WorkOffset { further_axes, further_position, .. } = offset;
+    let values = further_from_wire("further_position", *further_axes, further_position).ok()?;
+    axes.chars().skip(3).map(|letter| values.get(FurtherAxes::index_of(letter)?)).collect()
 }
 
 /// To the third decimal, as the controller reports it: metres have moved the last digits.
@@ -91,8 +106,9 @@ fn quoted(text: &str) -> String {
 mod tests {
     use super::*;
     use axis_driver::machine_limits::{MachineLimits, settings_of_file};
+    use cnc_msgs::convert::further_to_wire;
     use cnc_msgs::units::point_from_position;
-    use cnc_msgs::wire::cnc_msgs::msg::{ControllerSetting, WorkOffset};
+    use cnc_msgs::wire::cnc_msgs::msg::ControllerSetting;
     use settings::MachineText;
 
     #[test]
@@ -109,6 +125,8 @@ mod tests {
             (130, "600.000"),
             (131, "400.000"),
             (132, "100.000"),
+            (133, "360.000"),
+            (134, "50.000"),
         ];
         let setting = |(number, value): (u32, &str)| ControllerSetting {
             number,
@@ -116,22 +134,33 @@ mod tests {
             name: "a name\nof two lines".into(),
             unit: "mm".into(),
         };
-        let offset =
-            |name: &str, at| WorkOffset { name: name.into(), position: point_from_position(at) };
+        let offset = |name: &str, at| {
+            let further = FurtherAxes::NONE.with(0, 12.5).with(3, -3.0);
+            WorkOffset {
+                name: name.into(),
+                position: point_from_position(at),
+                further_axes: further.bits(),
+                further_position: further_to_wire(further),
+            }
+        };
         let report = ControllerSettings {
             firmware: "grblHAL".into(),
             version: "1.1f.20240510:".into(),
             planner_blocks: 100,
+            axes: "XYZUA".into(),
             settings: rows.map(setting).to_vec(),
             offsets: vec![offset("G54", [-400.123, 0.0, -12.3]), offset("G28", [-1.0; 3])],
             ..ControllerSettings::default()
         };
         let read = MachineText::from_yaml(text(&report), "m.yaml").expect("a machine file");
-        assert_eq!(read.machine.offsets_mm["G54"], [-400.123, 0.0, -12.3]);
+        assert_eq!(read.machine.offsets_mm["G54"], [-400.123, 0.0, -12.3, -3.0, 12.5]);
         assert_eq!(read.machine.settings[&74].text(), "shop: \"one\" # two");
         let settings = settings_of_file(&read.machine).expect("a known firmware");
         let limits = MachineLimits::of(&settings).expect("a machine");
         assert_eq!(limits.travel_mm, [Some(600.0), Some(400.0), Some(100.0)]);
         assert_eq!(limits.planner_blocks, 100);
+        let travel = limits.further.map(|it| it.and_then(|it| it.travel));
+        assert_eq!(travel, [Some(50.0), None, None, Some(360.0), None, None]);
+        assert_eq!(limits.offsets.further_systems[0].words(), " A12.5 U-3");
     }
 }

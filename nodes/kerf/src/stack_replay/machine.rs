@@ -4,6 +4,8 @@
 
 use super::run::RunHistory;
 use super::script::start_in_machine;
+use cnc_msgs::convert::further_from_wire;
+use cnc_msgs::further::FURTHER_LETTERS;
 use cnc_msgs::units::position_from_point;
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerSettings, WorkOffset};
 use replay::ReplayError;
@@ -48,7 +50,8 @@ pub(super) fn likeness(
         }
         Firmware::Grbl
     });
-    let mut settings = Settings::small_router_of(firmware);
+    let axes = recorded.axes.parse().unwrap_or_default();
+    let mut settings = Settings::small_router_of(firmware).with_axes(axes);
     let values: Vec<(u16, f64)> = recorded.settings.iter().filter_map(number_and_value).collect();
     // Some settings are accepted only after others.
     for _ in 0..2 {
@@ -100,20 +103,30 @@ fn number_and_value(
 /// The lines that set the work offsets.
 fn offset_lines(offsets: &[WorkOffset]) -> Result<Vec<String>, ReplayError> {
     let mut lines = Vec::new();
-    for WorkOffset { name, position } in offsets {
+    for WorkOffset { name, position, further_axes, further_position } in offsets {
         let position @ [x, y, z] = position_from_point(position);
-        if position.iter().all(|mm| mm.abs() < NO_SHIFT_MM) {
+        let further = further_from_wire("further_position", *further_axes, further_position);
+        let further = further.unwrap_or_default();
+        let mut values = position.into_iter().chain(further.iter().map(|it| it.1));
+        if values.all(|value| value.abs() < NO_SHIFT_MM) {
             continue;
         }
+        let words: String = further
+            .iter()
+            .map(|(axis, value)| format!("{}{value:.4}", FURTHER_LETTERS[axis]))
+            .collect();
         let system = name.strip_prefix('G').and_then(|number| number.parse::<u8>().ok());
         match (name.as_str(), system) {
             (_, Some(system @ 54..=59)) => {
                 let number = system - 53;
-                lines.push(format!("G10L2P{number}X{x:.4}Y{y:.4}Z{z:.4}"));
+                lines.push(format!("G10L2P{number}X{x:.4}Y{y:.4}Z{z:.4}{words}"));
             }
             ("G92" | "TLO", _) => {
                 return Err(ReplayError::Unplayable {
-                    what: format!("a shift by {name} of X{x:.3} Y{y:.3} Z{z:.3}"),
+                    what: format!(
+                        "a shift by {name} of X{x:.3} Y{y:.3} Z{z:.3}{}",
+                        further.words()
+                    ),
                 });
             }
             // G28 and G30 do not matter: programs are sent without them.
@@ -129,7 +142,11 @@ mod tests {
     use cnc_msgs::units::point_from_position;
 
     fn offset(name: &str, position: [f64; 3]) -> WorkOffset {
-        WorkOffset { name: name.into(), position: point_from_position(position) }
+        WorkOffset {
+            name: name.into(),
+            position: point_from_position(position),
+            ..WorkOffset::default()
+        }
     }
 
     #[test]

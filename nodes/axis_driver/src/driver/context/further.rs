@@ -111,16 +111,25 @@ impl Machine {
         })
     }
 
+    /// A stored offset of these axes by its name; none where it was not reported.
+    pub(in crate::driver) fn further_stored(&self, name: &str) -> FurtherAxes {
+        let values = self.further.stored.get(name);
+        values.map_or(FurtherAxes::NONE, |values| self.further.read(values, self.report_units()))
+    }
+
+    /// The letter of each axis of the board, in the order of its settings: `XYZA`.
+    pub(in crate::driver) fn axis_letters(&self) -> String {
+        match &self.further.letters {
+            Some(letters) => letters.clone(),
+            None => "XYZABC".chars().take(3 + self.further.count).collect(),
+        }
+    }
+
     /// The offsets of these axes as they are known now.
     pub(in crate::driver) fn further_frame(&self) -> FurtherFrame {
-        let units = self.report_units();
-        let stored = |name: &str| {
-            let values = self.further.stored.get(name);
-            values.map_or(FurtherAxes::NONE, |values| self.further.read(values, units))
-        };
-        let shift = stored("G92");
+        let shift = self.further_stored("G92");
         let system = |index: usize| {
-            let zero = stored(&format!("G{}", 54 + index));
+            let zero = self.further_stored(&format!("G{}", 54 + index));
             let known =
                 zero.iter().filter_map(|(axis, zero)| Some((axis, zero + shift.get(axis)?)));
             known.fold(FurtherAxes::NONE, |all, (axis, zero)| all.with(axis, zero))

@@ -40,8 +40,9 @@ impl Machine {
             firmware: self.firmware,
             options: self.options.clone(),
             planner_blocks: self.blocks_that_are_planned(),
+            axes: self.axis_letters(),
             settings: self.reported.iter().map(|(n, value)| (*n, value.clone())).collect(),
-            offsets: self.offsets.clone(),
+            offsets: self.stored_offsets(),
             ..ControllerSettings::default()
         };
         MachineLimits::of(&settings)

@@ -52,9 +52,16 @@ impl Machine {
         stored.map_or([0.0; 3], |offset| offset.position)
     }
 
+    /// All stored offsets, with the values of the further axes.
+    pub(in crate::driver) fn stored_offsets(&self) -> Vec<Offset> {
+        let further = |offset: &Offset| self.further_stored(&offset.name);
+        let offsets = self.offsets.iter();
+        offsets.map(|offset| Offset { further: further(offset), ..offset.clone() }).collect()
+    }
+
     /// Keeps a stored offset.
     pub(in crate::driver) fn remember(&mut self, name: &str, position: Position) {
         self.offsets.retain(|offset| offset.name != name);
-        self.offsets.push(Offset { name: name.to_owned(), position });
+        self.offsets.push(Offset { name: name.to_owned(), position, ..Offset::default() });
     }
 }

@@ -1,0 +1,105 @@
+//! A, B, C, U, V and W of a controller, and what all axes allow along a direction.
+//!
+//! Their settings stand after those of X, Y and Z, in the order in which the controller names its
+//! axes: in `XYZA` the travel of A is `$133`.
+
+use super::{HOMING_ON, STEPS_PER_MM_DEFAULT, TRAVEL_AS_DELIVERED_MM};
+use super::{LimitsProblem, MachineLimits, Range, Table};
+use crate::driver::ControllerSettings;
+use crate::firmware::Firmware;
+use cnc_msgs::further::FurtherAxes;
+use cnc_msgs::geometry::Position;
+
+/// X, Y, Z, A, B, C, U, V and W, mm and degrees.
+pub(crate) type Direction = [f64; 9];
+
+/// One of A, B, C, U, V and W: degrees for the first three, mm for the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FurtherLimits {
+    /// Its place among the settings: 3 where its travel is `$133`.
+    pub place: u16,
+    /// `$113`, per minute; infinite where it is not reported.
+    pub rate_per_min: f64,
+    /// `$123`, per s²; infinite where it is not reported.
+    pub acceleration_per_s2: f64,
+    /// `$803`, per s³; infinite where it is not reported.
+    pub jerk_per_s3: f64,
+    /// `$103`.
+    pub steps: f64,
+    /// `$133`; `None` where nobody has entered it.
+    pub travel: Option<f64>,
+    /// Least and greatest coordinate; `None` for an axis that is not homed.
+    pub bounds: Option<[f64; 2]>,
+}
+
+/// A direction of all axes: that of X, Y and Z, and how far the others go.
+pub(crate) fn direction(way: Position, further: FurtherAxes) -> Direction {
+    let mut all = [0.0; 9];
+    all[..3].copy_from_slice(&way);
+    further.iter().for_each(|(axis, value)| all[3 + axis] = value);
+    all
+}
+
+impl Table<'_> {
+    /// What is reported of the further axes.
+    pub(super) fn further(
+        &self,
+        settings: &ControllerSettings,
+    ) -> Result<[Option<FurtherLimits>; 6], LimitsProblem> {
+        let mut all = [None; 6];
+        for (place, letter) in settings.axes.chars().enumerate().skip(3) {
+            let (Some(axis), Ok(number)) = (FurtherAxes::index_of(letter), u16::try_from(place))
+            else {
+                continue;
+            };
+            let most =
+                |base: u16| Ok(self.optional(base + number, Range::More)?.unwrap_or(f64::INFINITY));
+            let travel = self.optional(130 + number, Range::ZeroOrMore)?;
+            let is_as_delivered =
+                |it: f64| !self.flag(20) && (it - TRAVEL_AS_DELIVERED_MM).abs() < 1e-9;
+            let travel = travel.filter(|it| *it > 0.0 && !is_as_delivered(*it));
+            let is_placed = self.mask(22) & HOMING_ON != 0
+                && settings.firmware != Firmware::FluidNc
+                && self.is_axis_homed(place);
+            all[axis] = Some(FurtherLimits {
+                place: number,
+                rate_per_min: most(110)?,
+                acceleration_per_s2: most(120)?,
+                jerk_per_s3: most(800)?,
+                steps: self.optional(100 + number, Range::More)?.unwrap_or(STEPS_PER_MM_DEFAULT),
+                travel,
+                bounds: travel.filter(|_| is_placed).map(|it| self.bounds(settings, place, it)),
+            });
+        }
+        Ok(all)
+    }
+}
+
+impl MachineLimits {
+    /// The greatest rate along a direction at which no axis exceeds its own, mm/min.
+    pub(crate) fn rate_along(&self, unit: Direction) -> f64 {
+        self.along(unit, self.rate_mm_per_min, |it| it.rate_per_min)
+    }
+
+    /// The same for the acceleration, mm/s².
+    pub(crate) fn acceleration_along(&self, unit: Direction) -> f64 {
+        self.along(unit, self.acceleration_mm_per_s2, |it| it.acceleration_per_s2)
+    }
+
+    /// The same for the jerk, mm/s³, where the firmware limits it.
+    pub(crate) fn jerk_along(&self, unit: Direction) -> Option<f64> {
+        self.jerk_mm_per_s3.map(|jerk| self.along(unit, jerk, |it| it.jerk_per_s3))
+    }
+
+    /// The most along a direction at which no axis exceeds its own.
+    fn along(&self, unit: Direction, limits: Position, of: impl Fn(&FurtherLimits) -> f64) -> f64 {
+        let share = |axis: usize| unit[axis].abs() / limits[axis];
+        let worst = share(0).max(share(1)).max(share(2));
+        let further = self.further.iter().zip(&unit[3..]);
+        let worst = further.fold(worst, |worst, (it, part)| match it {
+            Some(it) => worst.max(part.abs() / of(it)),
+            None => worst,
+        });
+        if worst > 0.0 { 1.0 / worst } else { limits[0] }
+    }
+}
