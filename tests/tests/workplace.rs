@@ -5,7 +5,7 @@ use axis_driver::driver::{
     CheckTravel, Command, DriverConfig, OffsetRequest, Refusal, RunOutcome, RunRequest,
 };
 use cnc_msgs::contour::{Action, Source};
-use cnc_msgs::further::FurtherAxes;
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{AxisSet, Shape};
 use cnc_msgs::keep_out::{Frame, KeepOut, KeepOutBox};
 use cnc_msgs::machine::Mode;
@@ -16,7 +16,10 @@ use virtual_controller::{Build, Firmware, Settings};
 
 /// A router of 600 × 400 × 100 mm, homed, whose G54 lies at X-500 Y-300 Z-60.
 fn homed(firmware: Firmware, config: DriverConfig) -> Line {
-    let mut settings = Settings::small_router_of(firmware);
+    homed_as(Settings::small_router_of(firmware), config)
+}
+
+fn homed_as(mut settings: Settings, config: DriverConfig) -> Line {
     settings.set_line("$22=1").unwrap();
     settings.set_line("$20=1").unwrap();
     let mut line = Line::new(config, Build::new(settings), &[]);
@@ -122,6 +125,35 @@ fn a_program_that_leaves_the_travel_is_refused_before_the_first_byte() {
         set_zero(&mut line, [-512.5, -300.0, -60.0]);
         assert_eq!(line.run(path(&OUT)).outcome, RunOutcome::Succeeded);
     }
+}
+
+#[test]
+fn an_axis_that_turns_beyond_its_travel_is_refused_where_it_is_homed() {
+    let turned = |firmware, masks: &[&str], degrees| {
+        let settings = Settings::small_router_of(firmware);
+        let mut settings = settings.with_axes("XYZA".parse().expect("axes"));
+        settings.set_line("$133=180").unwrap();
+        masks.iter().for_each(|mask| settings.set_line(mask).unwrap());
+        let mut line = homed_as(settings, refusing());
+        let axes = FurtherAxes::NONE.with(0, degrees);
+        let action = Action::Further(FurtherMove { axes, mode: FurtherMode::Rapid });
+        let source = Source { line: 7, ..Source::default() };
+        let mut path = path(&[[10.0, 0.0, 5.0]]);
+        path.events = vec![PathEvent { at_element: 1, action, source }];
+        match line.ask(Command::RunProgram(request(path))) {
+            Ok(_) => String::new(),
+            Err(refusal) => refusal.message,
+        }
+    };
+    let homed = ["$46=8"];
+    let said = "line 7: the move goes to A30.000 in the machine frame (A30.000 in G54), 30.000 \
+                degrees beyond the travel from A-180.000 to A0.000";
+    let refusal = turned(Firmware::GrblHal, &homed, 30.0);
+    assert!(refusal.starts_with(said), "{refusal}");
+    assert_eq!(turned(Firmware::GrblHal, &homed, -170.0), "");
+    // What is not homed may turn without an end.
+    assert_eq!(turned(Firmware::GrblHal, &[], 3_600.0), "");
+    assert_eq!(turned(Firmware::Grbl, &[], 3_600.0), "");
 }
 
 #[test]
