@@ -213,6 +213,7 @@ fn jog_probe_home_and_overrides_work_on_every_family() {
             .unwrap();
         line.until("the override", |line| line.state().overrides_percent[0] == 57);
         let probe = Command::Probe(ProbeRequest {
+            further: FurtherAxes::NONE,
             axes: AxisSet::NONE.with(2),
             distance: [0.0, 0.0, -20.0],
             feed_mm_per_min: 200.0,

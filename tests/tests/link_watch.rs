@@ -7,6 +7,7 @@ use axis_driver::driver::{
     Command, DriverConfig, OnPathDeviation, ProbeRequest, RunOutcome, RunResult,
 };
 use cnc_msgs::contour::{Action, SpindleMode};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::machine::{LinkWatch, Mode};
 use cnc_msgs::path::CompensatedPath;
@@ -204,6 +205,7 @@ fn nothing_is_noticed_where_nothing_is_wrong() {
                 let mut line = connected(firmware, mask, config);
                 let place = format!("{firmware:?} $10={mask} at {baud} baud");
                 let probe = Command::Probe(ProbeRequest {
+                    further: FurtherAxes::NONE,
                     axes: AxisSet::NONE.with(2),
                     distance: [0.0, 0.0, -10.0],
                     feed_mm_per_min: 100.0,

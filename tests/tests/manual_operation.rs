@@ -8,7 +8,7 @@ use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use kerf_tests::line::Line;
-use virtual_controller::{Build, Settings};
+use virtual_controller::{Build, Firmware, Settings};
 
 const X: AxisSet = AxisSet::from_bits(0b001);
 const Z: AxisSet = AxisSet::from_bits(0b100);
@@ -32,7 +32,8 @@ fn jog(target: f64) -> Command {
 fn probe(distance: f64, may_miss: bool) -> Command {
     let distance = [0.0, 0.0, distance];
     let (axes, feed_mm_per_min, away) = (Z, 100.0, false);
-    Command::Probe(ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss })
+    let further = FurtherAxes::NONE;
+    Command::Probe(ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss, further })
 }
 
 fn set_offset(system: u8, axes: AxisSet, position: [f64; 3], is_origin: bool) -> Command {
@@ -486,4 +487,57 @@ fn requests_for_overrides_do_not_pile_up() {
     let refused = line.replies.iter().filter_map(|(_, result)| result.as_ref().err());
     let busy = refused.filter(|refusal| refusal.error_code == error_code::BUSY).count();
     assert!(busy > 900, "{busy} were refused");
+}
+
+#[test]
+fn an_axis_that_turns_is_probed() {
+    for firmware in Firmware::ALL {
+        let settings = Settings::small_router_of(firmware);
+        let settings = settings.with_axes("XYZA".parse().expect("axes"));
+        let start_in_machine = Some([-300.0, -200.0, -50.0]);
+        let probe_stop_fourth = Some(72.5);
+        let build = Build { start_in_machine, probe_stop_fourth, ..Build::new(settings) };
+        let mut line = Line::connected(build);
+        let probe = |degrees: f64, away| {
+            Command::Probe(ProbeRequest {
+                axes: AxisSet::NONE,
+                distance: [0.0; 3],
+                feed_mm_per_min: 720.0,
+                away,
+                may_miss: false,
+                further: FurtherAxes::NONE.with(0, degrees),
+            })
+        };
+        line.ask(probe(90.0, false)).expect("it begins");
+        let result = line.move_result();
+        assert!(result.found && result.outcome == RunOutcome::Succeeded, "{firmware}: {result:?}");
+        let at = result.further.get(0).expect("where it touched");
+        assert!((at - 72.5).abs() < 0.05, "{firmware}: {result:?}");
+        // Away from the stop, and towards it where there is none.
+        line.ask(probe(-5.0, true)).expect("it begins");
+        assert!(line.move_result().found, "{firmware}");
+        line.ask(probe(-30.0, false)).expect("it begins");
+        let result = line.move_result();
+        assert_eq!(result.error_code, error_code::PROBE_FAILED, "{firmware}: {result:?}");
+        assert_eq!(result.further, FurtherAxes::NONE);
+    }
+}
+
+#[test]
+fn axes_that_boards_move_differently_are_not_probed_together() {
+    let mut line = Line::connected(build());
+    let mut ask = |axes, further| {
+        let (distance, feed_mm_per_min, away, may_miss) = ([0.0, 0.0, -5.0], 100.0, false, false);
+        let request = ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss, further };
+        line.ask(Command::Probe(request)).expect_err("it is refused")
+    };
+    let a = FurtherAxes::NONE.with(0, 10.0);
+    for (refusal, said) in [
+        (ask(Z, a), "probe X, Y and Z in one move"),
+        (ask(AxisSet::NONE, a.with(3, 1.0)), "probe X, Y and Z in one move"),
+        (ask(AxisSet::NONE, a), "the controller has no axis A: it has X Y Z"),
+    ] {
+        assert_eq!(refusal.error_code, error_code::INVALID_REQUEST);
+        assert!(refusal.message.contains(said), "{refusal}");
+    }
 }

@@ -64,6 +64,7 @@ fn jog(frame: JogFrame, axes: AxisSet, target: [f64; 3]) -> Command {
 
 fn probe(distance_mm: f64, may_miss: bool) -> Command {
     Command::Probe(ProbeRequest {
+        further: FurtherAxes::NONE,
         axes: Z,
         distance: [0.0, 0.0, distance_mm],
         feed_mm_per_min: 300.0,

@@ -53,11 +53,11 @@ enum Frame {
 /// What `kerf probe` takes.
 #[derive(Debug, Args)]
 pub(crate) struct ProbeArgs {
-    /// Longest move, in millimetres from the current position: Z-20
-    #[arg(required = true, value_parser = word)]
-    axes: Vec<(usize, f64)>,
-    /// Feed along the path
-    #[arg(long, value_name = "MM/MIN", default_value_t = 50.0)]
+    /// Longest move, in millimetres and degrees from the current position: Z-20, or A90
+    #[arg(required = true, value_parser = any_word)]
+    axes: Vec<Word>,
+    /// Feed along the path; degrees/min where A, B or C move
+    #[arg(long, value_name = "FEED", default_value_t = 50.0)]
     feed: f64,
     /// Move until the probe opens, instead of until it touches
     #[arg(long)]
@@ -110,16 +110,6 @@ enum Word {
     Further(usize, f64),
 }
 
-/// A word of X, Y or Z.
-fn word(text: &str) -> Result<(usize, f64), String> {
-    match any_word(text)? {
-        Word::Linear(axis, value) => Ok((axis, value)),
-        Word::Further(axis, _) => {
-            Err(format!("only X, Y and Z are probed, not {}", FURTHER_LETTERS[axis]))
-        }
-    }
-}
-
 fn any_word(text: &str) -> Result<Word, String> {
     let mut letters = text.chars();
     let letter = letters.next().map(|letter| letter.to_ascii_uppercase());
@@ -168,6 +158,14 @@ fn all_axes(words: &[Word]) -> Result<(u8, Point, FurtherAxes), Failure> {
     }
     let (axes, point) = axes_and_point(&linear)?;
     Ok((axes, point, further))
+}
+
+/// m/s of a feed in mm/min; where axes turn, rad/s of one in degrees/min.
+fn feed_per_s(feed: f64, further: FurtherAxes) -> f64 {
+    match further.only_turns() {
+        true => rad_from_degrees(feed) / 60.0,
+        false => m_per_s_from_mm_per_min(feed),
+    }
 }
 
 fn twice(letter: char) -> Failure {
@@ -239,15 +237,11 @@ pub(crate) fn jog(args: &JogArgs, ros_args: &[String]) -> CommandResult {
         Frame::Work => JogGoal::FRAME_WORK,
         Frame::Machine => JogGoal::FRAME_MACHINE,
     };
-    let feed_rate = match further.only_turns() {
-        true => rad_from_degrees(args.feed) / 60.0,
-        false => m_per_s_from_mm_per_min(args.feed),
-    };
     let goal = JogGoal {
         frame,
         axes,
         target,
-        feed_rate,
+        feed_rate: feed_per_s(args.feed, further),
         further_axes: further.bits(),
         further_target: further_to_wire(further),
     };
@@ -267,20 +261,23 @@ pub(crate) fn jog(args: &JogArgs, ros_args: &[String]) -> CommandResult {
 
 /// `kerf probe`
 pub(crate) fn probe(args: &ProbeArgs, ros_args: &[String]) -> CommandResult {
-    let (axes, distance) = axes_and_point(&args.axes)?;
+    let (axes, distance, further) = all_axes(&args.axes)?;
     let goal = ProbeGoal {
         axes,
         distance,
-        feed_rate: m_per_s_from_mm_per_min(args.feed),
+        feed_rate: feed_per_s(args.feed, further),
         away: args.away,
         may_miss: args.may_miss,
+        further_axes: further.bits(),
+        further_distance: further_to_wire(further),
     };
     with_lasting_node(ros_args, async |node| {
         let result = follow::<Probe>(node, "probe", goal).await?;
         let message = match result.found {
             true => format!(
-                "found at {} in the machine frame, {} in the work frame",
+                "found at {}{} in the machine frame, {} in the work frame",
                 show(&result.machine_position),
+                further_text(result.further_axes, &result.further_machine_position),
                 show(&result.work_position)
             ),
             false => result.message,

@@ -27,6 +27,8 @@ pub(crate) struct Plant {
     pub(crate) is_door_open: bool,
     /// Physical Z of the surface a probe finds, mm.
     pub(crate) probe_surface_z: Option<f64>,
+    /// Physical place of the fourth axis from which on the probe touches, too.
+    pub(crate) probe_stop_fourth: Option<f64>,
 }
 
 impl Plant {
@@ -101,14 +103,25 @@ impl Plant {
         }
     }
 
+    /// What the probe touches: an axis, its physical place there, and whether it does so above.
+    fn contacts(&self) -> impl Iterator<Item = (usize, f64, bool)> {
+        let surface = self.probe_surface_z.map(|z| (2, z, false));
+        surface.into_iter().chain(self.probe_stop_fourth.map(|stop| (3, stop, true)))
+    }
+
     pub(crate) fn touches_probe(&self, machine: Axes) -> bool {
-        self.probe_surface_z.is_some_and(|z| machine[2] + self.offset[2] <= z)
+        self.contacts().any(|(axis, place, is_above)| {
+            let physical = machine[axis] + self.offset[axis];
+            if is_above { physical >= place } else { physical <= place }
+        })
     }
 
     /// Returns the distance along `unit` to where the probe pin changes, mm.
     pub(crate) fn distance_to_probe_change(&self, machine: Axes, unit: Axes) -> Option<f64> {
-        let z = self.probe_surface_z?;
-        let distance = (z - machine[2] - self.offset[2]) / unit[2];
-        (unit[2].abs() > NEGLIGIBLE_SHARE && distance >= 0.0).then_some(distance)
+        let changes = self.contacts().filter_map(|(axis, place, _)| {
+            let distance = (place - machine[axis] - self.offset[axis]) / unit[axis];
+            (unit[axis].abs() > NEGLIGIBLE_SHARE && distance >= 0.0).then_some(distance)
+        });
+        changes.min_by(f64::total_cmp)
     }
 }

@@ -292,6 +292,7 @@ impl Bench {
                 feed_mm_per_min: *random.of(&[1_000.0, 60.0, 0.0, f64::NAN]),
             }),
             22 => Command::Probe(ProbeRequest {
+                further: FurtherAxes::NONE,
                 axes: Z,
                 distance: [0.0, 0.0, -3.0],
                 feed_mm_per_min: 200.0,

@@ -48,9 +48,10 @@ impl Driver {
                 }
             }
             Message::ParserState(words) => self.on_parser_state(&words),
-            Message::Probe { position, has_touched } => {
+            Message::Probe { position, further, has_touched } => {
                 if let Phase::Manual(operation) = &mut self.phase {
-                    operation.on_probe(position, has_touched);
+                    let further = self.context.machine.read_further(&further);
+                    operation.on_probe(position, further, has_touched);
                 }
             }
             _ => {}

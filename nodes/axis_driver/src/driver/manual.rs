@@ -77,8 +77,16 @@ pub(super) enum Task {
     /// Until something is found, here in the machine frame, mm.
     Probe {
         may_miss: bool,
-        touch: Option<(Position, bool)>,
+        touch: Option<Touch>,
     },
+}
+
+/// Where a probe has ended, machine frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Touch {
+    position: Position,
+    further: FurtherAxes,
+    found: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -241,9 +249,9 @@ impl ManualOperation {
     }
 
     /// Takes what the controller reports about a probe.
-    pub(super) fn on_probe(&mut self, position: Position, found: bool) {
+    pub(super) fn on_probe(&mut self, position: Position, further: FurtherAxes, found: bool) {
         if let Task::Probe { touch, .. } = &mut self.task {
-            *touch = Some((position, found));
+            *touch = Some(Touch { position, further, found });
         }
     }
 

@@ -62,7 +62,7 @@ pub struct MoveResult {
     pub machine_position: Option<Position>,
     /// The same in the work frame.
     pub work_position: Option<Position>,
-    /// Where the further axes stand after a jog; machine frame.
+    /// The same of the further axes; machine frame.
     pub further: FurtherAxes,
     /// Whether the probe touched, or released.
     pub found: bool,

@@ -156,7 +156,7 @@ impl Driver {
         if let Some(refusal) = self.manual_obstacle() {
             return Some(Err(refusal));
         }
-        let order = Order::probe(&self.context, request);
+        let order = Order::probe(&self.context, request, self.is_tool_awaited());
         self.begin_move(id, order, "the probe has begun")
     }
 

@@ -130,12 +130,7 @@ impl Move for Jog {
         };
         let further = further_axes("further_target", goal.further_axes, &goal.further_target)?;
         let (axes, target) = axes_and_place(goal.axes, &goal.target, further)?;
-        // Where axes turn it is in rad/s.
-        let feed_mm_per_min = match further.only_turns() {
-            true => degrees_from_rad(goal.feed_rate) * 60.0,
-            false => mm_per_min_from_m_per_s(goal.feed_rate),
-        };
-        let feed_mm_per_min = finite("feed_rate", feed_mm_per_min)?;
+        let feed_mm_per_min = feed_per_min(goal.feed_rate, further)?;
         Ok(Command::Jog(JogRequest { frame, axes, target, feed_mm_per_min, further }))
     }
 
@@ -157,10 +152,18 @@ impl Move for Jog {
 
 impl Move for Probe {
     fn command(goal: &ProbeGoal) -> Result<Command, Refusal> {
-        let (axes, distance) = axes_and_place(goal.axes, &goal.distance, FurtherAxes::NONE)?;
-        let feed_mm_per_min = finite("feed_rate", mm_per_min_from_m_per_s(goal.feed_rate))?;
+        let further = further_axes("further_distance", goal.further_axes, &goal.further_distance)?;
+        let (axes, distance) = axes_and_place(goal.axes, &goal.distance, further)?;
+        let feed_mm_per_min = feed_per_min(goal.feed_rate, further)?;
         let (away, may_miss) = (goal.away, goal.may_miss);
-        Ok(Command::Probe(ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss }))
+        Ok(Command::Probe(ProbeRequest {
+            axes,
+            distance,
+            feed_mm_per_min,
+            away,
+            may_miss,
+            further,
+        }))
     }
 
     fn feedback(state: u8, machine_position: Point) -> ProbeFeedback {
@@ -175,8 +178,19 @@ impl Move for Probe {
             found: result.found,
             machine_position: point(result.machine_position),
             work_position: point(result.work_position),
+            further_axes: result.further.bits(),
+            further_machine_position: further_to_wire(result.further),
         }
     }
+}
+
+/// mm/min of a goal in m/s; where axes turn, degrees/min of one in rad/s.
+fn feed_per_min(feed_rate: f64, further: FurtherAxes) -> Result<f64, Refusal> {
+    let per_min = match further.only_turns() {
+        true => degrees_from_rad(feed_rate) * 60.0,
+        false => mm_per_min_from_m_per_s(feed_rate),
+    };
+    finite("feed_rate", per_min)
 }
 
 fn offer_move<M: Move + 'static>(

@@ -34,7 +34,7 @@ pub enum Message {
     /// [`super::ModalWords`].
     ParserState(String),
     /// `[PRB:5.000,0.000,-3.988:1]`, machine frame, mm.
-    Probe { position: Position, has_touched: bool },
+    Probe { position: Position, further: Vec<f64>, has_touched: bool },
     /// `[G54:0.000,0.000,0.000]`, also G28, G30 and G92; mm.
     Offset {
         name: String,
@@ -127,7 +127,8 @@ impl Message {
                 let has_touched = [("0", false), ("1", true)]
                     .into_iter()
                     .find_map(|(name, touched)| (name == hit).then_some(touched))?;
-                Self::Probe { position: parse_position(place, units)?, has_touched }
+                let position = parse_position(place, units)?;
+                Self::Probe { position, further: parse_further(place), has_touched }
             }
             "TLO" => Self::ToolLength(tool_length(value)? * units.millimetres()),
             "SETTING" => {

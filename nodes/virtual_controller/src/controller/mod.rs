@@ -62,6 +62,8 @@ pub struct Build {
     pub start_in_machine: Option<Vector>,
     /// Physical height of the surface that a probe finds, mm; `None`: no probe is wired.
     pub probe_surface_z_mm: Option<f64>,
+    /// Physical place of the fourth axis from which on the probe touches, mm or degrees.
+    pub probe_stop_fourth: Option<f64>,
     /// Compile option: `Ln` in reports. grblHAL always has it, by `$10`.
     pub has_line_numbers: bool,
     /// Compile option: M7 and 0xA1. grblHAL and FluidNC always have it.
@@ -78,6 +80,7 @@ impl Build {
             receive_buffer_bytes: None,
             start_in_machine: None,
             probe_surface_z_mm: None,
+            probe_stop_fourth: None,
             has_line_numbers: false,
             has_mist: false,
             echoes_lines: false,
@@ -197,6 +200,7 @@ impl Controller {
                 dead: [false; AXES],
                 is_door_open: false,
                 probe_surface_z: build.probe_surface_z_mm,
+                probe_stop_fourth: build.probe_stop_fourth,
             },
             memory: Memory {
                 settings,

@@ -111,10 +111,15 @@ impl Machine {
         })
     }
 
+    /// Values after X, Y and Z, as they are printed.
+    pub(in crate::driver) fn read_further(&self, values: &[f64]) -> FurtherAxes {
+        self.further.read(values, self.report_units())
+    }
+
     /// A stored offset of these axes by its name; none where it was not reported.
     pub(in crate::driver) fn further_stored(&self, name: &str) -> FurtherAxes {
         let values = self.further.stored.get(name);
-        values.map_or(FurtherAxes::NONE, |values| self.further.read(values, self.report_units()))
+        values.map_or(FurtherAxes::NONE, |values| self.read_further(values))
     }
 
     /// The letter of each axis of the board, in the order of its settings: `XYZA`.

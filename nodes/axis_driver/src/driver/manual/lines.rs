@@ -46,6 +46,9 @@ pub struct ProbeRequest {
     pub away: bool,
     /// A probe that finds nothing causes no alarm.
     pub may_miss: bool,
+    /// Further axes, which move without X, Y and Z; the feed is in degrees/min where they turn.
+    #[serde(default, skip_serializing_if = "FurtherAxes::is_empty")]
+    pub further: FurtherAxes,
 }
 
 /// Which coordinates the tool position gets, or where the origin of a work system is.
@@ -112,15 +115,7 @@ impl Order {
         {
             return Err(refusal);
         }
-        if !request.further.is_empty() {
-            refuse_mixed(&request)?;
-            if is_tool_awaited {
-                return invalid(
-                    "only X, Y and Z are jogged during a tool change: the way back would not \
-                     move the other axes",
-                );
-            }
-        }
+        refuse_further("jog", request.axes, request.further, is_tool_awaited)?;
         let axes = (request.axes, request.target, request.further);
         let words = move_words(context, axes, request.feed_mm_per_min)?;
         let place = context.machine.machine_position().zip(context.machine.work_position());
@@ -156,8 +151,10 @@ impl Order {
     pub(in crate::driver) fn probe(
         context: &Context,
         request: ProbeRequest,
+        is_tool_awaited: bool,
     ) -> Result<Self, Refusal> {
-        let axes = (request.axes, request.distance, FurtherAxes::NONE);
+        refuse_further("probe", request.axes, request.further, is_tool_awaited)?;
+        let axes = (request.axes, request.distance, request.further);
         let words = move_words(context, axes, request.feed_mm_per_min)?;
         let word = match (request.away, request.may_miss) {
             (false, false) => "G38.2",
@@ -199,17 +196,32 @@ impl Order {
     }
 }
 
-/// Refuses axes whose common feed rate boards count in different ways.
-fn refuse_mixed(request: &JogRequest) -> Result<(), Refusal> {
-    let turning = request.further.iter().filter(|(axis, _)| FurtherAxes::is_rotary(*axis)).count();
-    let is_mixed = turning > 0 && !request.further.only_turns();
-    if request.axes.is_empty() && !is_mixed {
+/// Refuses axes whose common feed rate boards count in different ways, and those that a tool change
+/// does not bring back.
+fn refuse_further(
+    name: &str,
+    axes: AxisSet,
+    further: FurtherAxes,
+    is_tool_awaited: bool,
+) -> Result<(), Refusal> {
+    if further.is_empty() {
         return Ok(());
     }
-    invalid(
-        "boards differ in how fast they move X, Y and Z together with other axes, and degrees \
-         together with mm: jog X, Y and Z in one move, A, B and C in another, U, V and W in a third",
-    )
+    let turns = further.iter().any(|(axis, _)| FurtherAxes::is_rotary(axis));
+    if !axes.is_empty() || turns && !further.only_turns() {
+        return invalid(format!(
+            "boards differ in how fast they move X, Y and Z together with other axes, and degrees \
+             together with mm: {name} X, Y and Z in one move, A, B and C in another, U, V and W in \
+             a third"
+        ));
+    }
+    match is_tool_awaited {
+        true => invalid(format!(
+            "a {name} moves X, Y and Z alone during a tool change: the way back would not move the \
+             other axes"
+        )),
+        false => Ok(()),
+    }
 }
 
 /// The words of a move, with its feed rate.

@@ -1,6 +1,6 @@
 //! How a manual operation ended.
 
-use super::{ManualOperation, Task, configure};
+use super::{ManualOperation, Task, Touch, configure};
 use crate::codes::error_code;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
@@ -62,8 +62,8 @@ impl ManualOperation {
                 );
                 Err(Refusal::new(error_code::STOPPED_SHORT, text))
             }
-            Task::Probe { touch: Some((_, true)), .. } => Ok("done".into()),
-            Task::Probe { touch: Some((_, false)), may_miss: true } => {
+            Task::Probe { touch: Some(Touch { found: true, .. }), .. } => Ok("done".into()),
+            Task::Probe { touch: Some(_), may_miss: true } => {
                 Ok("the probe touched nothing on the way".into())
             }
             Task::Probe { .. } => {
@@ -85,9 +85,12 @@ impl ManualOperation {
         }
         let touch = match task {
             Task::Probe { touch, .. } => touch,
-            _ => machine.machine_position().map(|at| (at, false)),
+            _ => machine.machine_position().map(|position| {
+                let further = machine.further_places().unwrap_or_default().machine;
+                Touch { position, further, found: false }
+            }),
         };
-        let found = touch.is_some_and(|(_, found)| found);
+        let found = touch.is_some_and(|it| it.found);
         // Only a machine that stands is where it was reported last.
         let stands = match &result {
             Ok(_) => true,
@@ -96,7 +99,8 @@ impl ManualOperation {
             }
         };
         let is_place = found || stands && matches!(task, Task::Jog { .. });
-        let machine_position = touch.filter(|_| is_place).map(|(at, _)| at);
+        let touch = touch.filter(|_| is_place);
+        let machine_position = touch.map(|it| it.position);
         let work_position = machine_position.and_then(|at| machine.in_work_frame(at));
         let (outcome, error_code, message) = match result {
             Ok(message) => (RunOutcome::Succeeded, 0, message),
@@ -112,10 +116,7 @@ impl ManualOperation {
             message,
             machine_position,
             work_position,
-            further: match is_place {
-                true => machine.further_places().unwrap_or_default().machine,
-                false => FurtherAxes::NONE,
-            },
+            further: touch.map_or(FurtherAxes::NONE, |it| it.further),
             found,
         })
     }

@@ -85,6 +85,7 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
             feed_mm_per_min: 100.0,
         }),
         13 => Command::Probe(ProbeRequest {
+            further: FurtherAxes::NONE,
             axes: AxisSet::NONE.with(2),
             distance: [0.0, 0.0, -5.0],
             feed_mm_per_min: 100.0,

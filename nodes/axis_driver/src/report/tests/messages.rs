@@ -68,13 +68,13 @@ fn places_and_lengths_are_in_millimetres() {
 
 #[test]
 fn a_probe_reports_where_and_whether_it_touched() {
-    for (line, has_touched) in [
-        ("[PRB:5.000,0.000,-3.988:1]", true),
-        ("[PRB:5.000,0.000,-3.988:0]", false),
-        ("[PRB:5.000,0.000,-3.988,90.000,0.000:1]", true),
+    for (line, further, has_touched) in [
+        ("[PRB:5.000,0.000,-3.988:1]", vec![], true),
+        ("[PRB:5.000,0.000,-3.988:0]", vec![], false),
+        ("[PRB:5.000,0.000,-3.988,90.000,0.000:1]", vec![90.0, 0.0], true),
     ] {
         let position = [5.0, 0.0, -3.988];
-        assert_eq!(message(line), Message::Probe { position, has_touched });
+        assert_eq!(message(line), Message::Probe { position, further, has_touched });
     }
     for line in ["PRB:5.000,0.000,-3.988", "PRB:5.000,0.000:1", "PRB:5.000,0.000,-3.9 8:1"] {
         assert_eq!(message(&format!("[{line}]")), Message::Other(line.into()));
