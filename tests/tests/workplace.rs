@@ -2,7 +2,8 @@
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
-    CheckTravel, Command, DriverConfig, OffsetRequest, Refusal, RunOutcome, RunRequest,
+    CheckTravel, Command, DriverConfig, OffsetRequest, Refusal, ReplanRequest, RunOutcome,
+    RunRequest,
 };
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
@@ -154,6 +155,35 @@ fn an_axis_that_turns_beyond_its_travel_is_refused_where_it_is_homed() {
     // What is not homed may turn without an end.
     assert_eq!(turned(Firmware::GrblHal, &[], 3_600.0), "");
     assert_eq!(turned(Firmware::Grbl, &[], 3_600.0), "");
+}
+
+#[test]
+fn the_new_rest_of_a_run_is_judged_like_a_run() {
+    let mut line = homed(Firmware::GrblHal, refusing());
+    // More than the controller takes in.
+    let ends: Vec<_> = (1..=400).map(|number| [f64::from(number), 0.0, 5.0]).collect();
+    let old = path(&ends);
+    line.ask(Command::RunProgram(request(old.clone()))).expect("it fits");
+    line.wait(5.0);
+    line.ask(Command::FeedHold).expect("a hold");
+    line.until("it stands", |line| line.state().settled_elements > 0);
+    let settled = line.state().settled_elements as usize;
+    assert!(settled < ends.len(), "one element is left");
+    let mut rest = |end: f64, revision| {
+        let mut path = old.clone();
+        path.elements[399].end[0] = end;
+        let path = Arc::new(path);
+        let of = line.state().path_revision;
+        let request = ReplanRequest { program_id: "part".into(), of, revision, path };
+        line.ask(Command::Replan(request))
+    };
+    let refusal = rest(512.5, 2).expect_err("it leaves the travel");
+    assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal}");
+    assert!(refusal.message.starts_with("line 400 (N4000): the move goes to X12.500"), "{refusal}");
+    rest(480.0, 3).expect("it fits");
+    line.ask(Command::Resume).expect("a resume");
+    line.until("the run ends", |line| line.finished.is_some());
+    assert!((line.axes()[0] + 20.0).abs() < 0.01, "{:?}", line.axes());
 }
 
 #[test]

@@ -87,7 +87,7 @@ impl Driver {
     /// Takes another path for what is left of the run that is under way.
     pub(super) fn replan(&mut self, id: u64, request: ReplanRequest) -> Answer {
         match &mut self.phase {
-            Phase::Running(run) => run.replan(&self.context.machine, id, request),
+            Phase::Running(run) => run.replan(&mut self.context, id, request),
             Phase::Stopping(stopping) => stopping.replan(&request),
             _ => refused(error_code::NOTHING_TO_DO, "no program is running"),
         }

@@ -7,12 +7,12 @@
 use super::proof::{Proof, Proven};
 use super::request::RunRequest;
 use super::time_left::TimeLeft;
+use super::workplace::WorkplaceCheck;
 use super::{ProgramRun, Stage};
 use crate::codes::error_code;
 use crate::cycle_time::CycleTime;
 use crate::driver::answer::{Answer, Refusal, refused};
 use crate::driver::context::Context;
-use crate::driver::context::machine::Machine;
 use crate::encoder::Encoder;
 use cnc_msgs::path::CompensatedPath;
 use std::sync::Arc;
@@ -52,14 +52,14 @@ impl ProgramRun {
     /// Takes another path for what is left; the answer comes when it is proved.
     pub(in crate::driver) fn replan(
         &mut self,
-        machine: &Machine,
+        context: &mut Context,
         id: u64,
         request: ReplanRequest,
     ) -> Answer {
         if let Err(refusal) = request.check(&self.job.request) {
             return Some(Err(refusal));
         }
-        if self.settled(machine.is_held()).is_none() || self.rest.is_some() {
+        if self.settled(context.machine.is_held()).is_none() || self.rest.is_some() {
             return refused(error_code::BUSY, NOT_IN_A_HOLD);
         }
         let Some(encoder) = self.encoder.going_on_with(Arc::clone(&request.path)) else {
@@ -67,8 +67,11 @@ impl ProgramRun {
             return refused(error_code::START_POSITION, text);
         };
         let first = encoder.next_element();
-        let time = CycleTime::new(&machine.limits_for_time(), &request.path, first, None);
-        let proof = Proof::new(encoder.clone(), time, None);
+        let limits = context.machine.limits_for_time();
+        let time = CycleTime::new(&limits, &request.path, first, None);
+        let run = RunRequest { path: Arc::clone(&request.path), ..self.job.request.clone() };
+        let workplace = WorkplaceCheck::begin(context, &run, first);
+        let proof = Proof::new(encoder.clone(), time, workplace);
         self.rest = Some(Box::new(Replan { id, request, encoder, proof }));
         None
     }
@@ -93,6 +96,10 @@ impl ProgramRun {
             Proven::Whole { seconds, .. } => seconds,
         };
         let Some(rest) = self.rest.take() else { return };
+        let workplace = rest.proof.workplace.as_ref();
+        if let Some(refusal) = workplace.and_then(|it| it.refusal(context)) {
+            return context.reply(id, Err(refusal));
+        }
         let Replan { request: ReplanRequest { revision, path, .. }, encoder, .. } = *rest;
         let limits = context.machine.limits_for_time();
         let start = CycleTime::new(&limits, &path, self.first_element, None);
