@@ -157,6 +157,19 @@ fn offsets_of_rotary_axes_are_stored_by_the_board() {
 }
 
 #[test]
+fn an_axis_goes_to_its_stored_place_with_z() {
+    for firmware in [Firmware::GrblHal, Firmware::FluidNc, Firmware::Grbl] {
+        let mut line = board(firmware, "XYZA");
+        let program = "G21 G90\nG0 Z2 A10\nG28.1\nG0 Z-5 A40\nG91 G28 Z0 A0\nG90\nM2\n";
+        let lines = sent(&mut line, program);
+        let wanted = "G91G28Z0A0";
+        assert!(lines.iter().any(|line| line.ends_with(wanted)), "{firmware}: {lines:?}");
+        assert!((further(&line)[0] - 10.0).abs() < 0.01, "{firmware}: {:?}", further(&line));
+        assert!((line.axes()[2] + 48.0).abs() < 0.01, "{firmware}: {:?}", line.axes());
+    }
+}
+
+#[test]
 fn a_board_without_the_axis_refuses_before_it_moves_and_names_the_line() {
     let mut line = board(Firmware::GrblHal, "XYZ");
     let then = line.now;
@@ -211,7 +224,9 @@ fn what_a_plan_cannot_know_or_do_is_refused_by_name() {
         ("G81 X1 Y1 Z-1 R1 F100 A5\nM2", "A cannot move in a drilling cycle"),
         ("F100 G5.1 X1 Y1 I1 J1 A5\nM2", "A cannot move in a curve"),
         ("A5\nM2", "A is named, but neither G0 nor G1 is in force"),
-        ("G28 A0\nM2", "G28 of A is not supported"),
+        ("G91 G28 A0\nM2", "G28 of A is supported with G91, 0 and one of X, Y and Z alone"),
+        ("G28 Z0 A0\nM2", "G28 of A is supported with G91"),
+        ("G0 A5\nG91 G28 Z0 A0\nG0 A5\nM2", "relies on where A is, which is not known since G28"),
         ("G0 A1\nG28\nM2", "G28 without axes would also move"),
         ("G53 G1 A0 F100\nM2", "how fast A moves by G53 with G1 is not known"),
         ("G43.1 Z1 A5\nM2", "a tool length along A is not supported"),

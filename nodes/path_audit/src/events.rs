@@ -83,8 +83,12 @@ fn has_its_motion(path: &CompensatedPath, found: &PathEvent, next: Option<&PathE
     };
     match next.filter(|next| next.at_element == found.at_element) {
         Some(next) => {
-            let takes =
-                matches!(next.action, Action::MachineMove { .. } | Action::SetWorkOffset { .. });
+            let takes = matches!(
+                next.action,
+                Action::MachineMove { .. }
+                    | Action::SetWorkOffset { .. }
+                    | Action::Reference { .. }
+            );
             takes && next.source == found.source
         }
         None => path.elements.get(found.at_element).is_some_and(|it| it.source == found.source),

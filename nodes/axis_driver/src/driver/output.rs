@@ -105,5 +105,7 @@ pub struct ControllerSettings {
 pub struct Offset {
     pub name: String,
     pub position: Position,
+    /// Checkpoints of before have none.
+    #[serde(default)]
     pub further: FurtherAxes,
 }

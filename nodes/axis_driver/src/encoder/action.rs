@@ -27,7 +27,10 @@ impl Encoder {
         if !goes_along && !matches!(event.action, Action::SelectTool { .. }) {
             self.push_speed()?;
         }
-        if !matches!(event.action, Action::MachineMove { .. } | Action::SetWorkOffset { .. }) {
+        if !matches!(
+            event.action,
+            Action::MachineMove { .. } | Action::SetWorkOffset { .. } | Action::Reference { .. }
+        ) {
             self.refuse_held_further()?;
         }
         match event.action {
@@ -218,11 +221,13 @@ impl Encoder {
         source: Source,
     ) -> Result<(), EncodeProblem> {
         let axes = if axes.is_empty() { AxisSet::ALL } else { axes };
+        let further = self.take_further(source)?;
         let number = if second { 30 } else { 28 };
         let mut text = format!("G91G{number}");
-        for letter in axes.letters().chars() {
+        for letter in axes.letters().chars().chain(further.letters().chars()) {
             write_word(&mut text, letter, 0);
         }
+        self.forget_further(further);
         self.modal.forget(axes, &format!("G{number}"));
         self.push_action(text, LineKind::Motion, true, source)?;
         self.push_action("G90".into(), LineKind::Motion, false, source)

@@ -25,7 +25,14 @@ impl Interpreter<'_> {
         let further = self.further_values(scene);
         let mut via = self.end(scene);
         let mut named = via.named;
-        if !further.is_empty() || (named.is_empty() && self.further.is_used()) {
+        // G91 and 0: there is no point to go by.
+        let is_direct = self.modal.distance == Distance::Incremental
+            && further.iter().all(|(_, value)| value == 0.0);
+        let is_plain = match named.is_empty() {
+            true => further.is_empty() && !self.further.is_used(),
+            false => further.is_empty() || is_direct,
+        };
+        if !is_plain {
             self.report_reference(scene, further, at);
         }
         // G91 G28 Z0 homes from any position.
@@ -46,13 +53,18 @@ impl Interpreter<'_> {
                 self.add_to_bounds(via.position, Shape::Line, via.position, via.named);
                 self.emit_motion(Shape::Line, via.position, MotionClass::Rapid, via.named);
             }
+            if !further.is_empty() {
+                self.act_further(further, FurtherMode::Along);
+            }
             self.act(Action::Reference { axes: named, second });
         }
         let word = if second { "G30" } else { "G28" };
-        self.axes.lose(named, Cause { source: self.source, word });
+        let cause = Cause { source: self.source, word };
+        self.axes.lose(named, cause);
+        self.further.lose(further, cause);
     }
 
-    /// G28 and G30 take X, Y and Z alone.
+    /// G28 and G30 take other axes with X, Y or Z, and by no point of their own.
     #[cold]
     fn report_reference(&mut self, scene: &mut Scene<'_>, further: FurtherAxes, at: usize) {
         let word = scene.quote(at);
@@ -62,8 +74,8 @@ impl Interpreter<'_> {
                 "name X, Y and Z, and move the others with G53 G0 in a block of their own",
             ),
             letters => (
-                format!("{word} of {letters} is not supported"),
-                "move it with G53 G0 in a block of its own",
+                format!("{word} of {letters} is supported with G91, 0 and one of X, Y and Z alone"),
+                "write G91 G28 Z0 A0 with your letters, or move it with G53 G0 in a block of its own",
             ),
         };
         self.further.poison(further);
