@@ -4,6 +4,7 @@ pub mod bisection;
 pub mod condition;
 pub mod groups;
 pub mod key;
+mod like;
 pub mod schema;
 pub mod shard;
 pub mod todo;
