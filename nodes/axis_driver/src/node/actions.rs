@@ -80,7 +80,12 @@ async fn go_on(driver: &Arc<RemoteDriver>, unfinished: Unfinished<RunProgram>) {
     let id = goal.kept_tag();
     let finished = driver.waiting().runs.wait(id);
     let _expected = (!goal.goal().check_only).then(|| driver.recorder.expect(&goal.id()));
-    follow(driver, id, goal, finished).await;
+    // Where the goal left it to the loader, the driver knows which program it took up.
+    let program_id = match goal.goal().program_id.as_str() {
+        "" => driver.state.borrow().program_id.clone(),
+        given => given.to_owned(),
+    };
+    follow(driver, (id, program_id), goal, finished).await;
 }
 
 pub(super) fn answer(reply: &Reply) -> Answer<'_> {
@@ -104,7 +109,10 @@ async fn decide(
     let finished = driver.waiting().runs.wait(id);
     // What is only checked has no record; it may be checked while another runs.
     let _expected = (!offer.goal().check_only).then(|| driver.recorder.expect(&offer.id()));
-    let reply = begin(driver, paths, planner, id, &offer).await;
+    let (reply, program_id) = match begin(driver, paths, planner, id, &offer).await {
+        Ok((message, program_id)) => (Ok(message), program_id),
+        Err(refusal) => (Err(refusal), String::new()),
+    };
     let (info, wanted) = (offer.info(), offer.goal().clone());
     let record = |reply: &Reply| {
         let answer = answer(reply);
@@ -123,7 +131,7 @@ async fn decide(
         Ok(_) => match offer.accept() {
             Some(goal) => {
                 record(&reply);
-                follow(driver, id, goal, finished).await;
+                follow(driver, (id, program_id), goal, finished).await;
             }
             None => {
                 let message = "it was canceled, or decided on too late; its run is canceled";
@@ -135,13 +143,14 @@ async fn decide(
     }
 }
 
+/// Returns the message of the driver, and which program it runs.
 async fn begin(
     driver: &RemoteDriver,
     paths: &Paths,
     planner: &Client<PlanStart>,
     id: u64,
     offer: &GoalOffer<RunProgram>,
-) -> Reply {
+) -> Result<(String, String), Refusal> {
     driver.require_active()?;
     let (goal, stops) = (offer.goal(), driver.stops());
     // Whoever has just loaded a program may be faster than its `program`: the loader knows which it is.
@@ -176,7 +185,7 @@ async fn begin(
         false => paths.diameters_mm(&planned),
     };
     let order = Order::Run(RunOrder {
-        program_id,
+        program_id: program_id.clone(),
         revision,
         start_line,
         occurrence: goal.occurrence,
@@ -184,16 +193,16 @@ async fn begin(
         check_only,
         tool_diameters_mm,
     });
-    let reply = driver.ask_unless_stopped(stops, id, order, PROVE_WITHIN).await;
-    if reply.is_ok() && !goal.check_only {
+    let message = driver.ask_unless_stopped(stops, id, order, PROVE_WITHIN).await?;
+    if !goal.check_only {
         paths.begin(&planned);
     }
-    reply
+    Ok((message, program_id))
 }
 
 async fn follow(
     driver: &RemoteDriver,
-    id: u64,
+    (id, program_id): (u64, String),
     goal: Goal<RunProgram>,
     finished: oneshot::Receiver<RunResult>,
 ) {
@@ -205,7 +214,7 @@ async fn follow(
             message: "the driver stopped; motion may continue".into(),
             ..RunProgramResult::default()
         };
-        return end(driver, goal, GoalOutcome::Aborted, (result, 0));
+        return end(driver, goal, program_id, GoalOutcome::Aborted, (result, 0));
     };
     let (outcome, code) = match result.outcome {
         RunOutcome::Succeeded => (GoalOutcome::Succeeded, RunProgramResult::OUTCOME_SUCCEEDED),
@@ -213,7 +222,6 @@ async fn follow(
         RunOutcome::Aborted => (GoalOutcome::Aborted, RunProgramResult::OUTCOME_ABORTED),
     };
     goal.feedback(feedback(driver));
-    let program_id = driver.state.borrow().program_id.clone();
     let text = match result.blamed_line {
         0 => None,
         line => source::text_of(&driver.programs, &program_id, line).await,
@@ -224,7 +232,7 @@ async fn follow(
     };
     let (error_code, last_line) = (result.error_code, result.last_line);
     let answer = RunProgramResult { outcome: code, error_code, message, last_line };
-    end(driver, goal, outcome, (answer, result.last_occurrence));
+    end(driver, goal, program_id, outcome, (answer, result.last_occurrence));
 }
 
 /// Ends a goal. The result of a run is on `run_result` too, for those who did not send the goal, with
@@ -232,6 +240,7 @@ async fn follow(
 fn end(
     driver: &RemoteDriver,
     goal: Goal<RunProgram>,
+    program_id: String,
     outcome: GoalOutcome,
     (result, last_occurrence): (RunProgramResult, u32),
 ) {
@@ -240,7 +249,7 @@ fn end(
         driver.run_results.publish(RunResultMessage {
             stamp: driver.node.now().into(),
             goal_id: UUID { uuid: goal.id().0 },
-            program_id: driver.state.borrow().program_id.clone(),
+            program_id,
             outcome,
             error_code,
             message,
