@@ -76,7 +76,7 @@ pub fn remove(file: &Path) -> Result<(), FleetError> {
 
 /// Writes a file that is there whole or not at all, after a power cut too.
 fn write(file: &Path, content: &[u8]) -> Result<(), FleetError> {
-    replace(file, content, None).map_err(|why| FleetError::file(file, why))
+    replace(file, content).map_err(|why| FleetError::file(file, why))
 }
 
 #[cfg(test)]

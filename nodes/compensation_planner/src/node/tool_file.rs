@@ -39,8 +39,7 @@ impl ToolFile {
                 "somebody has changed {name} since the planner read it: restart the planner to read it again"
             )));
         }
-        let permissions = fs::metadata(&self.path).map_err(cannot)?.permissions();
-        if permissions.readonly() {
+        if fs::metadata(&self.path).map_err(cannot)?.permissions().readonly() {
             // The file could still be replaced, but its owner does not want that.
             return Err(refuse(format!("{name} is read-only")));
         }
@@ -50,7 +49,7 @@ impl ToolFile {
         let edited = edited(&self.text, change).filter(is_meant);
         let kept_comments = edited.is_some();
         let text = edited.unwrap_or_else(|| whole(&change.tools));
-        replace(&self.path, text.as_bytes(), Some(permissions)).map_err(cannot)?;
+        replace(&self.path, text.as_bytes()).map_err(cannot)?;
         self.text = text;
         Ok(if kept_comments {
             format!("in {name}")

@@ -108,7 +108,7 @@ impl ParameterFile {
             // The file could still be replaced, but its owner does not want that.
             return Err(std::io::Error::other("it is read-only").into());
         }
-        replace(&path, &after, Some(permissions))?;
+        replace(&path, &after)?;
         Ok(true)
     }
 
