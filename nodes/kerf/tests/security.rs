@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::Command;
 use support::{Ran, kerf, run};
 
-const PROGRAM: &str = "G21 G17 G90 G94\nG0 X0 Y0\nG1 X5 F600\nG1 X0 Y5\nM30\n";
+const PROGRAM: &str = "G21 G17 G90 G94\n#31=[#31+1]\nG0 X0 Y0\nG1 X5 F600\nG1 X0 Y5\nM30\n";
 
 struct Keys<'a> {
     keystore: &'a Path,
@@ -64,8 +64,10 @@ fn with_keys_a_program_runs_and_without_nothing_is_seen_of_it() {
         &["--virtual-controller", "--time-factor", "10"],
         &SLOW_POLLING,
         None,
-        |mut command, _| {
+        |mut command, folder| {
+            std::fs::write(folder.join("mill.var"), "31 7\n").expect("written");
             Keys { keystore: keystore.path(), enclave: "/kerf" }.give(&mut command);
+            command.args(["-p", "program_loader:parameter_file:=mill.var"]);
             command
         },
     );
@@ -87,6 +89,11 @@ fn with_keys_a_program_runs_and_without_nothing_is_seen_of_it() {
     assert!(machine.bags().is_empty(), "a run has begun: {}", machine.log());
 
     run_kerf(&machine, &domain, keys("/kerf/commander"), &["run"]).expect(0);
+    // The policy lets the loader hear of the run.
+    let parameters = machine.folder.path().join("mill.var");
+    until("the count in the file", || {
+        (std::fs::read_to_string(&parameters).ok()? == "31\t8.0\n").then_some(())
+    });
     let bag = machine.until_bags(1).remove(0);
     let bag = bag.to_str().expect("UTF-8");
     run(kerf().args(["replay", bag])).expect(0);
