@@ -24,6 +24,10 @@ def runs(node):
     return ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
 
 
+def until_told(told, text):
+    told.wait(lambda array: any(text in status.message for status in array.status))
+
+
 def test_a_finished_run_counts_and_no_other_run_does(machine, node, runs):
     file = machine.folder / 'mill.var'
     file.write_text('# parts\n31\t7.000000\n5220\t1.000000\n')
@@ -49,6 +53,20 @@ def test_a_finished_run_counts_and_no_other_run_does(machine, node, runs):
         assert abs(state.work_position.x - count / 1000) < 1e-6
     assert 'load it again to go on with the new ones' in machine.log()
 
+    # What is loaded began with 8: once more it does not count, and that is said.
+    with Node('watcher', '', machine.domain_id) as watcher:
+        told = watcher.subscription(DiagnosticArray.ros_name, '/diagnostics')
+        assert runs.send_goal().result().result.outcome == 1
+        until_told(told, '#31 is 9 in it, and the program began with 8; load the program again')
+        assert file.read_text() == wanted
+
+        # A program that only sets it needs no load between its runs.
+        load(node, text=COUNTER.replace('[#31+1]', '3'), name='sets.ngc')
+        for by_hand in ('9', '5'):
+            file.write_text(f'# parts\n31 {by_hand}\n')
+            assert runs.send_goal().result().result.outcome == 1
+            until('3 in the file', lambda: file.read_text() == '# parts\n31\t3.0\n')
+
 
 def test_a_file_that_is_gone_after_the_run_is_said(machine, node, runs):
     file = machine.folder / 'mill.var'
@@ -58,5 +76,5 @@ def test_a_file_that_is_gone_after_the_run_is_said(machine, node, runs):
     with Node('watcher', '', machine.domain_id) as watcher:
         told = watcher.subscription(DiagnosticArray.ros_name, '/diagnostics')
         assert runs.send_goal().result().result.outcome == 1
-        told.wait(lambda array: any('lacks 1 values' in status.message for status in array.status))
+        until_told(told, 'mill.var was not changed after a run: No such file')
     assert not file.exists()

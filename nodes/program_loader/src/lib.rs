@@ -83,7 +83,7 @@ pub struct Loaded {
     pub bounds: Option<Bounds>,
     /// The tools that M61 says are in the spindle, without a change.
     pub named_tools: Vec<(u32, Source)>,
-    /// What the program leaves to the next one, where it differs from the values that it began with
+    /// The parameters that the program has used, where it leaves any to the next one
     /// ([`parameter_file`]).
     pub left: Vec<Left>,
 }

@@ -127,7 +127,7 @@ struct Loader {
     contour: Publisher<ProgrammedContour>,
     contour_topic: ChunkTopic<ContourChunk>,
     state: Mutex<LoaderState>,
-    /// Held while a program is being loaded.
+    /// Held while a program is being loaded, or the parameter file written.
     work: tokio::sync::Mutex<()>,
 }
 

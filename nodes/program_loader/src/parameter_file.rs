@@ -2,12 +2,14 @@
 //!
 //! Its values are appended to the text of the program, as files of subroutines are, so that what
 //! was loaded is one text with one hash: it is recorded whole and replayed without the file. What a
-//! program has changed when it ends is put into the file after a run of it, and only then.
+//! program has set when it ends is put into the file after a run of it; [`runs`] knows which run.
+
+pub mod runs;
 
 use crate::limits::{APPENDED, PROGRAM_BYTES_MAX};
 use crate::parameters::NUMBER_MAX;
 use cnc_msgs::profile::Profile;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Bytes of a parameter file; each of its numbers takes less than 40.
@@ -23,11 +25,13 @@ const SECTION_BYTES_MAX: usize = 1024 + NUMBER_MAX as usize * 40;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BadParameterFile {
     #[error("line {line}: {text:?} is not the number of a parameter and its value: 5221 12.5")]
-    Line { line: usize, text: String },
+    Line { line: u32, text: String },
     #[error("line {line}: there is no parameter {number}; they are 1 to {NUMBER_MAX}")]
-    Number { line: usize, number: u32 },
+    Number { line: u32, number: u32 },
     #[error("line {line}: parameter {number} comes twice, in line {first} as well; delete one")]
-    Twice { line: usize, number: u32, first: usize },
+    Twice { line: u32, number: u32, first: u32 },
+    #[error("#{number} is {now} in it, and the program began with {began}; load the program again")]
+    Changed { number: u32, now: f64, began: f64 },
     #[error("with it the program is too long")]
     TooLong,
     #[error("the program has the values of a parameter file at its end already")]
@@ -42,52 +46,85 @@ pub(crate) struct Stored {
     pub(crate) line: u32,
 }
 
-/// A value that a program leaves to the next one: mm or degrees in work offsets. `None`: the program
-/// has made it one that only the machine knows.
+/// A parameter that a program has used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Left {
     pub number: u32,
-    pub value: Option<f64>,
+    /// Its value when the program was loaded.
+    pub began: f64,
+    /// Its value when the program has ended.
+    pub value: f64,
+    /// The program has read it before it set it: all that it leaves depends on `began`.
+    pub is_read: bool,
 }
 
-/// The text of a parameter file after a program that has ended: other rows, comments and the order
-/// stay. LinuxCNC wants the numbers to rise, so a new row comes before the first higher one. A row
-/// whose value only the machine knows is taken out.
-pub fn after_run(file: &[u8], left: &[Left]) -> Vec<u8> {
-    let number = |row: &[u8]| {
-        let row = String::from_utf8_lossy(row);
-        row.split_whitespace().next().and_then(|word| word.parse::<u32>().ok())
-    };
-    let rows = || file.split_inclusive(|&byte| byte == b'\n');
-    let known: BTreeSet<u32> = rows().filter_map(number).collect();
-    let (known, mut new): (BTreeMap<_, _>, BTreeMap<_, _>) =
-        left.iter().map(|it| (it.number, it.value)).partition(|(it, _)| known.contains(it));
-    let mut text = Vec::with_capacity(file.len() + 40 * left.len());
-    let mut end = "\n";
-    for row in rows() {
-        end = if row.ends_with(b"\r\n") { "\r\n" } else { "\n" };
-        let Some(number) = number(row) else {
-            text.extend_from_slice(row);
-            continue;
+/// The text of a parameter file after a run of a program: rows with other numbers, comments and the
+/// order stay. LinuxCNC wants the numbers to rise, so a new row comes after the last lower one. A row
+/// that is missing is 0.
+///
+/// # Errors
+/// The file cannot be read, or the program has begun with a value that is not in the file any more:
+/// somebody has changed it, or a program that counts was run a second time.
+pub fn after_run(file: &[u8], left: &[Left]) -> Result<Vec<u8>, BadParameterFile> {
+    let end = if file.ends_with(b"\r\n") { "\r\n" } else { "\n" };
+    let rows = rows(file)?;
+    // By the index of a line: a text before it, and then one in its place.
+    let mut edits: BTreeMap<(usize, bool), String> = BTreeMap::new();
+    for &Left { number, began, value, is_read } in left {
+        let row = rows.iter().find(|row| row.number == number);
+        let now = row.map_or(0.0, |row| row.value);
+        if is_read && now != began {
+            return Err(BadParameterFile::Changed { number, now, began });
+        }
+        let place = match (row, rows.iter().rfind(|row| row.number < number)) {
+            _ if now == value => continue,
+            (Some(row), _) => (row.line as usize - 1, true),
+            (None, Some(lower)) => (lower.line as usize, false),
+            (None, None) => (rows.first().map_or(usize::MAX, |row| row.line as usize - 1), false),
         };
-        let higher = new.split_off(&number);
-        add_rows(&mut text, std::mem::replace(&mut new, higher), end);
-        match known.get(&number) {
-            Some(value) => add_rows(&mut text, BTreeMap::from([(number, *value)]), end),
-            None => text.extend_from_slice(row),
+        let _ = write!(edits.entry(place).or_default(), "{number}\t{value:?}{end}");
+    }
+    let mut text = Vec::with_capacity(file.len() + 40 * left.len());
+    for (index, line) in file.split_inclusive(|&byte| byte == b'\n').enumerate() {
+        text.extend(edits.remove(&(index, false)).unwrap_or_default().into_bytes());
+        match edits.remove(&(index, true)) {
+            Some(row) => text.extend(row.into_bytes()),
+            None => text.extend_from_slice(line),
         }
     }
-    add_rows(&mut text, new, end);
-    text
+    if !edits.is_empty() && text.last().is_some_and(|&last| last != b'\n') {
+        text.extend_from_slice(end.as_bytes());
+    }
+    text.extend(edits.into_values().flat_map(String::into_bytes));
+    Ok(text)
 }
 
-fn add_rows(text: &mut Vec<u8>, rows: BTreeMap<u32, Option<f64>>, end: &str) {
-    for (number, value) in rows.into_iter().filter_map(|(number, value)| Some((number, value?))) {
-        if text.last().is_some_and(|&last| last != b'\n') {
-            text.extend_from_slice(end.as_bytes());
+/// The rows of a file, each with its line from 1.
+fn rows(file: &[u8]) -> Result<Vec<Stored>, BadParameterFile> {
+    let mut rows = Vec::new();
+    let mut lines = BTreeMap::new();
+    for (line, row) in (1..).zip(String::from_utf8_lossy(file).lines()) {
+        let row = row.trim();
+        if row.is_empty() || row.starts_with('#') {
+            continue;
         }
-        text.extend_from_slice(format!("{number}\t{value:?}{end}").as_bytes());
+        let mut words = row.split_whitespace();
+        let number = words.next().and_then(|word| word.parse::<u32>().ok());
+        let value = words.next().and_then(|word| word.parse::<f64>().ok());
+        let value = value.filter(|value| value.is_finite());
+        let (Some(number), Some(value), None) = (number, value, words.next()) else {
+            let text = row.chars().take(40).collect();
+            return Err(BadParameterFile::Line { line, text });
+        };
+        if !(1..=NUMBER_MAX).contains(&number) {
+            return Err(BadParameterFile::Number { line, number });
+        }
+        if let Some(first) = lines.insert(number, line) {
+            return Err(BadParameterFile::Twice { line, number, first });
+        }
+        rows.push(Stored { number, value, line });
     }
+    Ok(rows)
 }
 
 /// Appends the values of a parameter file to a program.
@@ -107,27 +144,7 @@ pub fn with_parameters(
         return Err(BadParameterFile::Already);
     }
     let (mut rows, mut count) = (String::new(), 0);
-    let mut lines = BTreeMap::new();
-    for (line, row) in String::from_utf8_lossy(file).lines().enumerate().map(|(n, it)| (n + 1, it))
-    {
-        let row = row.trim();
-        if row.is_empty() || row.starts_with('#') {
-            continue;
-        }
-        let mut words = row.split_whitespace();
-        let number = words.next().and_then(|word| word.parse::<u32>().ok());
-        let value = words.next().and_then(|word| word.parse::<f64>().ok());
-        let value = value.filter(|value| value.is_finite());
-        let (Some(number), Some(value), None) = (number, value, words.next()) else {
-            let text = row.chars().take(40).collect();
-            return Err(BadParameterFile::Line { line, text });
-        };
-        if !(1..=NUMBER_MAX).contains(&number) {
-            return Err(BadParameterFile::Number { line, number });
-        }
-        if let Some(first) = lines.insert(number, line) {
-            return Err(BadParameterFile::Twice { line, number, first });
-        }
+    for Stored { number, value, .. } in self::rows(file)? {
         if value != 0.0 || is_of_the_machine(number) {
             let _ = writeln!(rows, "(#{number}={value:?})");
             count += 1;
@@ -240,29 +257,83 @@ mod tests {
 
     #[test]
     fn a_run_changes_its_own_rows_and_no_other() {
-        type Rows<'r> = &'r [(u32, Option<f64>)];
-        let left = |rows: Rows<'_>| -> Vec<Left> {
-            rows.iter().map(|&(number, value)| Left { number, value }).collect()
-        };
-        // The file, what the program has left, and the file after its run.
-        let table: [(&str, Rows<'_>, &str); 8] = [
-            ("31 7\n", &[(31, Some(8.0))], "31\t8.0\n"),
+        /// Number, value at first and at the end, whether it was read before it was set.
+        type Rows<'r> = &'r [(u32, f64, f64, bool)];
+        // The file, what the program has used, and the file after its run or why it stays.
+        let table: [(&str, Rows<'_>, Result<&str, &str>); 20] = [
+            ("31 7\n", &[(31, 7.0, 8.0, true)], Ok("31\t8.0\n")),
+            ("31 7.000\n", &[(31, 7.0, 7.0, true)], Ok("31 7.000\n")),
+            ("50 1\n31 7\n", &[], Ok("50 1\n31 7\n")),
+            // A new row comes after the last lower one, before comments that stand there.
             (
-                "# ours\n31\t7.000000\n\n5161 3\n5220 1.000000\n",
-                &[(40, Some(0.1)), (5161, None), (5221, Some(-2.5))],
-                "# ours\n31\t7.000000\n\n40\t0.1\n5220 1.000000\n5221\t-2.5\n",
+                "# ours\n31\t7.0\n# machine\n\n5161 3\n5220 1.0\n",
+                &[(40, 0.0, 0.1, false), (41, 0.0, 2.0, true)],
+                Ok("# ours\n31\t7.0\n40\t0.1\n41\t2.0\n# machine\n\n5161 3\n5220 1.0\n"),
             ),
-            ("", &[(100, Some(1e300)), (31, Some(0.0))], "31\t0.0\n100\t1e300\n"),
-            ("31 7", &[(32, Some(1.0))], "31 7\n32\t1.0\n"),
-            ("31 7\r\n33 1\r\n", &[(32, Some(1.0))], "31 7\r\n32\t1.0\r\n33 1\r\n"),
-            ("31 7\n", &[(5161, None)], "31 7\n"),
+            ("# ours\n\n40 1\n", &[(31, 0.0, 2.0, false)], Ok("# ours\n\n31\t2.0\n40 1\n")),
+            ("# ours\n", &[(31, 0.0, 2.0, false)], Ok("# ours\n31\t2.0\n")),
+            ("", &[(31, 0.0, 1e300, false), (100, 0.0, 0.5, false)], Ok("31\t1e300\n100\t0.5\n")),
             // Rows that do not rise are somebody's own order.
-            ("50 1\n31 7\n", &[(31, Some(8.0)), (60, Some(2.0))], "50 1\n31\t8.0\n60\t2.0\n"),
-            ("50 1\n31 7\n", &[], "50 1\n31 7\n"),
+            (
+                "50 1\n31 7\n",
+                &[(31, 7.0, 8.0, true), (40, 0.0, 1.0, false), (60, 0.0, 2.0, false)],
+                Ok("50 1\n31\t8.0\n40\t1.0\n60\t2.0\n"),
+            ),
+            ("31 7", &[(32, 0.0, 1.0, false)], Ok("31 7\n32\t1.0\n")),
+            (
+                "31 7\r\n33 1\r\n",
+                &[(32, 0.0, 1.0, false), (33, 1.0, 2.0, true)],
+                Ok("31 7\r\n32\t1.0\r\n33\t2.0\r\n"),
+            ),
+            // A row that is missing is 0.
+            ("31 7\n", &[(32, 0.0, 0.0, true), (33, 0.0, 0.0, false)], Ok("31 7\n")),
+            (
+                "",
+                &[(31, 7.0, 8.0, true)],
+                Err("#31 is 0 in it, and the program began with 7; load the program again"),
+            ),
+            // It counts and was run twice, or another one has counted, or it was changed by hand.
+            (
+                "31 8\n",
+                &[(31, 7.0, 8.0, true)],
+                Err("#31 is 8 in it, and the program began with 7; load the program again"),
+            ),
+            (
+                "31 9.5\n",
+                &[(31, 7.0, 7.0, true)],
+                Err("#31 is 9.5 in it, and the program began with 7; load the program again"),
+            ),
+            // What was only read decides too: here #32=[#31+1].
+            (
+                "31 8\n",
+                &[(31, 7.0, 7.0, true), (32, 0.0, 8.0, false)],
+                Err("#31 is 8 in it, and the program began with 7; load the program again"),
+            ),
+            // #31=0 sets it to 0, whatever it has been, and as often as it is run.
+            ("31 9\n", &[(31, 0.0, 0.0, false)], Ok("31\t0.0\n")),
+            ("31 5\n", &[(31, 7.0, 5.0, false)], Ok("31 5\n")),
+            // A file that no program could begin with.
+            (
+                "31 7\n31 8\n",
+                &[(31, 7.0, 8.0, true)],
+                Err("line 2: parameter 31 comes twice, in line 1 as well; delete one"),
+            ),
+            (
+                "31 7 x\n",
+                &[(40, 0.0, 8.0, false)],
+                Err("line 1: \"31 7 x\" is not the number of a parameter and its value: 5221 12.5"),
+            ),
+            ("31 -0\n", &[(31, 0.0, 1.0, true)], Ok("31\t1.0\n")),
         ];
-        for (file, rows, wanted) in table {
-            let text = after_run(file.as_bytes(), &left(rows));
-            assert_eq!(String::from_utf8(text).expect("text"), wanted, "{file:?}");
+        for (file, used, wanted) in table {
+            let left: Vec<Left> = used
+                .iter()
+                .map(|&(number, began, value, is_read)| Left { number, began, value, is_read })
+                .collect();
+            let text = after_run(file.as_bytes(), &left)
+                .map(|text| String::from_utf8(text).expect("text"))
+                .map_err(|why| why.to_string());
+            assert_eq!(text, wanted.map(Into::into).map_err(Into::into), "{file:?} {used:?}");
         }
     }
 

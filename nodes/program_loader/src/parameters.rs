@@ -5,6 +5,7 @@
 
 use crate::expression::Parameter;
 use crate::parameter_file::{Left, OF_THE_USER, Stored};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 
 /// The highest number of a parameter (LinuxCNC).
@@ -30,10 +31,20 @@ const fn is_read_only(number: u32) -> bool {
     )
 }
 
+/// What a program has done with a numbered parameter.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Use {
+    is_set: bool,
+    /// Before it was set.
+    is_read: bool,
+}
+
 #[derive(Debug)]
 pub(crate) struct Parameters {
     /// By number; empty until the first is set.
     numbered: Vec<f64>,
+    /// By number.
+    uses: Vec<Cell<Use>>,
     globals: BTreeMap<String, f64>,
     /// Of the main program, then of each subroutine that is running.
     locals: Vec<BTreeMap<String, f64>>,
@@ -41,8 +52,12 @@ pub(crate) struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        let mut new =
-            Self { numbered: Vec::new(), globals: BTreeMap::new(), locals: vec![BTreeMap::new()] };
+        let mut new = Self {
+            numbered: Vec::new(),
+            uses: vec![Cell::default(); NUMBER_MAX as usize + 1],
+            globals: BTreeMap::new(),
+            locals: vec![BTreeMap::new()],
+        };
         new.set_returned(None);
         new
     }
@@ -55,8 +70,14 @@ impl Parameters {
         if !(1..=NUMBER_MAX).contains(&number) {
             return None;
         }
+        let used = &self.uses[number as usize];
+        used.set(Use { is_read: used.get().is_read || !used.get().is_set, ..used.get() });
+        Some(self.value(number))
+    }
+
+    fn value(&self, number: u32) -> f64 {
         let first = || f64::from(u8::from(number == SHOWS_DEBUG));
-        Some(self.numbered.get(number as usize).copied().unwrap_or_else(first))
+        self.numbered.get(number as usize).copied().unwrap_or_else(first)
     }
 
     /// The value of a named parameter that the program has set; names with `_` are global.
@@ -78,6 +99,7 @@ impl Parameters {
                 }
                 self.fill();
                 self.numbered[*number as usize] = value;
+                self.uses[*number as usize].get_mut().is_set = true;
             }
             Parameter::Named(name) => {
                 if is_predefined(name) {
@@ -109,13 +131,25 @@ impl Parameters {
         }
     }
 
-    /// The user's values that are others than those of the parameter file.
+    /// The user's parameters that the program has read or set; none if it has set none. `begun` are
+    /// the values of the parameter file.
     pub(crate) fn left(&self, begun: &[Stored]) -> Vec<Left> {
         let mut before = Self::default();
         before.store(begun);
-        let is_changed = |number: &u32| self.numbered(*number) != before.numbered(*number);
-        let numbers = OF_THE_USER.filter(is_changed);
-        numbers.map(|number| Left { number, value: self.numbered(number) }).collect()
+        let used = |number: u32| self.uses[number as usize].get();
+        let mut numbers = OF_THE_USER;
+        if !numbers.any(|number| used(number).is_set) {
+            return Vec::new();
+        }
+        OF_THE_USER
+            .filter(|&number| used(number) != Use::default())
+            .map(|number| Left {
+                number,
+                began: before.value(number),
+                value: self.value(number),
+                is_read: used(number).is_read,
+            })
+            .collect()
     }
 
     /// Gives each number a value, before the first is set.
@@ -233,4 +267,42 @@ fn is_predefined(name: &str) -> bool {
 
 fn is_global(name: &str) -> bool {
     name.starts_with('_')
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::parameter_file::with_parameters;
+    use crate::{LoadOptions, load};
+
+    #[test]
+    fn a_program_leaves_the_parameters_that_it_has_used() {
+        // The program and what it leaves: numbers with values at first and at the end, `!` where a
+        // number was read before it was set. #31 begins with 7.
+        let table = [
+            ("#31=[#31+1]", "!31: 7 8"),
+            ("#31=0", "31: 7 0"),
+            ("#31=7", "31: 7 7"),
+            ("#31=8\n#31=[#31+1]", "31: 7 9"),
+            ("#31=1 #32=#31", "!31: 7 1; 32: 0 7"),
+            ("#32=[#31+1]\n#31=#32", "!31: 7 8; 32: 0 8"),
+            ("#40=2\n#[#31+34]=#40", "!31: 7 7; 40: 0 2; 41: 0 2"),
+            ("o1 if [#31 GT 5]\n#100=1\no1 endif", "!31: 7 7; 100: 0 1"),
+            ("o1 sub\n#1=9 #200=[#200+1]\no1 endsub\no1 call [#31]", "!31: 7 7; !200: 0 1"),
+            // Nothing to keep.
+            ("G0 X#31", ""),
+            ("#1=5 #<_part>=6", ""),
+        ];
+        let profile = settings::load_profile("rs274").expect("a shipped profile");
+        for (text, wanted) in table {
+            let text = format!("{text}\nM2").into_bytes();
+            let text = with_parameters(text, &profile, "x.var", b"31 7\n").expect("a good file");
+            let loaded = load(&text, &profile, &LoadOptions::default());
+            assert!(loaded.is_accepted(), "{wanted}: {:?}", loaded.findings);
+            let left = loaded.left.iter().map(|it| {
+                let mark = if it.is_read { "!" } else { "" };
+                format!("{mark}{}: {} {}", it.number, it.began, it.value)
+            });
+            assert_eq!(left.collect::<Vec<_>>().join("; "), wanted);
+        }
+    }
 }

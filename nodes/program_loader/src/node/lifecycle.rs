@@ -13,13 +13,16 @@ impl Managed for Loader {
     }
 
     async fn deactivate(&self) -> TransitionResult {
-        // A load in progress is completed.
+        // A load in progress is completed, and so is the parameter file.
         drop(self.work.lock().await);
         Ok(())
     }
 
     async fn cleanup(&self) -> TransitionResult {
         *self.state() = LoaderState::default();
+        if let Some(file) = &self.parameter_file {
+            file.forget_trouble();
+        }
         Ok(())
     }
 

@@ -2,18 +2,17 @@
 //! puts back what its program has changed.
 
 use super::{Loader, Refusal, refuse};
+use crate::parameter_file::runs::Runs;
 use crate::parameter_file::{Left, PARAMETER_FILE_BYTES_MAX, after_run, with_parameters};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::RunResult;
 use cnc_msgs::wire::cnc_msgs::srv::LoadProgramResponse;
 use intake::replace::replace;
 use runtime::{Handle, Health, HealthLevel, NodeError, Qos};
+use std::error::Error;
 use std::fs;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Programs whose end is remembered: one that is loaded while another runs must not take its place.
-const PROGRAMS_MAX: usize = 8;
 
 /// The file, and what programs leave in it.
 pub(super) struct ParameterFile {
@@ -21,10 +20,8 @@ pub(super) struct ParameterFile {
     state: Mutex<State>,
 }
 
-#[derive(Default)]
 struct State {
-    /// By program id, newest last.
-    left: Vec<(String, Vec<Left>)>,
+    runs: Runs,
     /// Why the file lacks what the newest run has left.
     trouble: Option<String>,
 }
@@ -33,7 +30,12 @@ impl ParameterFile {
     /// `None` where the node has no such file.
     pub(super) fn of(node: &Handle) -> Option<Self> {
         let path: String = node.parameter("parameter_file");
-        (!path.is_empty()).then(|| Self { path: path.into(), state: Mutex::default() })
+        let runs = Runs::since(node.now().into());
+        (!path.is_empty()).then(|| Self::new(path.into(), runs))
+    }
+
+    fn new(path: PathBuf, runs: Runs) -> Self {
+        Self { path, state: Mutex::new(State { runs, trouble: None }) }
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
@@ -54,62 +56,53 @@ impl ParameterFile {
 
     /// Remembers what a program leaves when it has run.
     pub(super) fn loaded(&self, program_id: &str, left: Vec<Left>) {
-        let state = &mut self.state().left;
-        state.retain(|(known, _)| known != program_id);
-        if !left.is_empty() {
-            state.push((program_id.to_owned(), left));
-            let surplus = state.len().saturating_sub(PROGRAMS_MAX);
-            state.drain(..surplus);
-        }
+        self.state().runs.loaded(program_id, left);
     }
 
     /// Puts what the program of a finished run has left into the file.
     fn finished(&self, result: &RunResult) {
-        if result.outcome != RunResult::OUTCOME_SUCCEEDED {
-            return;
-        }
-        let left = self.state().left.iter().find(|it| it.0 == result.program_id).cloned();
-        let Some((_, left)) = left else { return };
         let path = self.path.display();
-        let trouble = match self.write(&left) {
-            Ok(false) => None,
-            Ok(true) => {
-                tracing::warn!(
-                    "{path} has {} values that the program has set; the program that is loaded \
-                     begins with those from before: load it again to go on with the new ones",
-                    left.len()
-                );
-                None
-            }
-            Err(why) => {
-                let message = format!(
-                    "{path} lacks {} values that the program has set: {why}; the next program \
-                     begins with those from before",
-                    left.len()
-                );
-                tracing::error!("{message}");
-                Some(message)
-            }
+        let left = self.state().runs.ended(result).map(<[Left]>::to_vec);
+        let written = match left {
+            Ok(left) if left.is_empty() => return,
+            Ok(left) => self.write(&left),
+            Err(why) => Err(why.into()),
         };
+        let trouble = written.err().map(|why| format!("{path} was not changed after a run: {why}"));
+        if let Some(message) = &trouble {
+            tracing::error!("{message}");
+        }
         self.state().trouble = trouble;
     }
 
-    /// Whether the file was changed.
-    fn write(&self, left: &[Left]) -> Result<bool, intake::file::ReadError> {
+    fn write(&self, left: &[Left]) -> Result<(), Box<dyn Error + Send + Sync>> {
         // A link stays a link.
         let path = fs::canonicalize(&self.path)?;
-        let permissions = fs::metadata(&path)?.permissions();
         let before = intake::file::read(&path, PARAMETER_FILE_BYTES_MAX)?;
-        let after = after_run(&before, left);
+        let after = after_run(&before, left)?;
         if before == after {
-            return Ok(false);
+            return Ok(());
         }
-        if permissions.readonly() {
+        if fs::metadata(&path)?.permissions().readonly() {
             // The file could still be replaced, but its owner does not want that.
-            return Err(std::io::Error::other("it is read-only").into());
+            return Err("it is read-only".into());
         }
         replace(&path, &after)?;
-        Ok(true)
+        let path = path.display();
+        if left.iter().any(|it| it.is_read && it.began != it.value) {
+            tracing::warn!(
+                "{path} has what the program has left; the program that is loaded begins with the \
+                 values from before: load it again to go on with the new ones"
+            );
+        } else {
+            tracing::info!("{path} has what the program has left");
+        }
+        Ok(())
+    }
+
+    /// Nothing is told of the runs before.
+    pub(super) fn forget_trouble(&self) {
+        self.state().trouble = None;
     }
 
     /// `None` where there is nothing to tell.
@@ -131,9 +124,11 @@ pub(super) fn follow(node: &Handle, loader: &Arc<Loader>) -> Result<(), NodeErro
     node.spawn("run results", async move {
         loop {
             let (result, _) = results.next().await;
-            let loader = Arc::clone(&loader);
+            let worker = Arc::clone(&loader);
+            // A program that is loaded now begins with what this run leaves.
+            let _work = loader.work.lock().await;
             let written = tokio::task::spawn_blocking(move || {
-                if let Some(file) = &loader.parameter_file {
+                if let Some(file) = &worker.parameter_file {
                     file.finished(&result);
                 }
             });
@@ -148,68 +143,63 @@ pub(super) fn follow(node: &Handle, loader: &Arc<Loader>) -> Result<(), NodeErro
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cnc_msgs::wire::builtin_interfaces::msg::Time;
+    use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
+    use std::cell::Cell;
     use std::os::unix::fs::PermissionsExt;
 
-    fn left(number: u32, value: f64) -> Vec<Left> {
-        vec![Left { number, value: Some(value) }]
-    }
-
-    fn result(program_id: &str, outcome: u8) -> RunResult {
-        RunResult { program_id: program_id.into(), outcome, ..RunResult::default() }
+    fn counts(began: f64) -> Vec<Left> {
+        vec![Left { number: 31, began, value: began + 1.0, is_read: true }]
     }
 
     #[test]
     fn a_run_that_succeeds_changes_the_file_and_no_other_does() {
-        const DONE: u8 = RunResult::OUTCOME_SUCCEEDED;
         let folder = tempfile::tempdir().expect("a folder");
         let (path, link) = (folder.path().join("mill.var"), folder.path().join("link.var"));
         fs::write(&path, "31\t7.000000\n").expect("written");
         fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).expect("allowed");
         std::os::unix::fs::symlink(&path, &link).expect("a link");
-        let file = ParameterFile { path: link.clone(), state: Mutex::default() };
+        let file = ParameterFile::new(link.clone(), Runs::since(Time::default()));
         let text = || fs::read_to_string(&path).expect("there");
-        file.loaded("first", left(31, 8.0));
-        for outcome in
-            [RunResult::OUTCOME_UNKNOWN, RunResult::OUTCOME_CANCELED, RunResult::OUTCOME_ABORTED]
-        {
-            file.finished(&result("first", outcome));
-        }
-        file.finished(&result("another", DONE));
+        let goals = Cell::new(0);
+        // Returns the trouble.
+        let run = |program_id: &str, outcome| {
+            goals.set(goals.get() + 1);
+            let goal_id = UUID { uuid: [goals.get(); 16] };
+            let program_id = program_id.to_owned();
+            file.finished(&RunResult { goal_id, program_id, outcome, ..RunResult::default() });
+            file.health().map_or(String::new(), |health| health.message)
+        };
+        let (done, aborted) = (RunResult::OUTCOME_SUCCEEDED, RunResult::OUTCOME_ABORTED);
+        file.loaded("first", counts(7.0));
+        assert_eq!(run("first", aborted), "");
         assert_eq!(text(), "31\t7.000000\n");
         // The next program is loaded while this one runs.
-        file.loaded("second", left(32, 1.0));
-        file.finished(&result("first", DONE));
+        file.loaded("second", counts(7.0));
+        assert_eq!(run("first", done), "");
         assert_eq!(text(), "31\t8.0\n");
-        file.finished(&result("second", DONE));
-        assert_eq!(text(), "31\t8.0\n32\t1.0\n");
-        assert_eq!(file.health(), None);
         assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
         assert_eq!(fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o640);
         assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "no other file is left");
-        // A file that its owner has locked stays as it is, and that is said until a run is kept.
-        file.loaded("third", left(31, 9.0));
+        // Neither the first once more nor the second counts, and that is said until a run is kept.
+        for program in ["first", "second"] {
+            let trouble = run(program, done);
+            assert!(trouble.contains("#31 is 8 in it, and the program began with 7"), "{trouble}");
+        }
+        file.loaded("nothing", Vec::new());
+        assert!(run("nothing", done).contains("#31 is 8"));
+        assert!(run("unknown", done).contains("its program is not known"));
+        file.loaded("second", counts(8.0));
+        assert_eq!(run("second", done), "");
+        assert_eq!(text(), "31\t9.0\n");
+        // A file that its owner has locked stays as it is.
+        file.loaded("third", counts(9.0));
         fs::set_permissions(&path, fs::Permissions::from_mode(0o440)).expect("allowed");
-        file.finished(&result("third", DONE));
-        let trouble = file.health().expect("trouble").message;
-        assert!(trouble.contains("read-only") && trouble.contains("1 values"), "{trouble}");
-        assert_eq!(text(), "31\t8.0\n32\t1.0\n");
-        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).expect("allowed");
-        file.finished(&result("third", DONE));
+        assert!(run("third", done).contains("it is read-only"));
+        assert_eq!(text(), "31\t9.0\n");
+        file.forget_trouble();
         assert_eq!(file.health(), None);
         fs::remove_file(&path).expect("removed");
-        file.finished(&result("third", DONE));
-        let trouble = file.health().expect("trouble").message;
-        assert!(trouble.contains("No such file"), "{trouble}");
-    }
-
-    #[test]
-    fn few_programs_are_remembered() {
-        let file = ParameterFile { path: PathBuf::new(), state: Mutex::default() };
-        for number in 0..20 {
-            file.loaded(&number.to_string(), left(31, 1.0));
-        }
-        file.loaded("19", Vec::new());
-        assert_eq!(file.state().left.len(), PROGRAMS_MAX - 1);
-        assert_eq!(file.state().left[0].0, "12");
+        assert!(run("third", done).contains("No such file"));
     }
 }

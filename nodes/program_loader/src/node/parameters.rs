@@ -41,8 +41,8 @@ pub fn parameters() -> Vec<Declared> {
             "parameter_file",
             "",
             "file with the values of numbered parameters that every program begins with, as \
-             LinuxCNC writes it (a number and a value in each line); a run that is finished puts \
-             back what its program has changed; empty: none",
+             LinuxCNC writes it (a number and a value in each line); a run that is finished writes \
+             what its program has set; its folder must be writable; empty: none",
         )
         .read_only(),
         Declared::new(
