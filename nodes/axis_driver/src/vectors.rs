@@ -33,7 +33,11 @@ pub(crate) fn minus<const N: usize>(a: [f64; N], b: [f64; N]) -> [f64; N] {
 }
 
 pub(crate) fn dot<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
-    (0..N).map(|axis| a[axis] * b[axis]).sum()
+    let mut sum = 0.0;
+    for axis in 0..N {
+        sum += a[axis] * b[axis];
+    }
+    sum
 }
 
 pub(crate) fn norm<const N: usize>(a: [f64; N]) -> f64 {

@@ -94,12 +94,12 @@ impl MachineLimits {
     /// The most along a direction at which no axis exceeds its own.
     fn along(&self, unit: Direction, limits: Position, of: impl Fn(&FurtherLimits) -> f64) -> f64 {
         let share = |axis: usize| unit[axis].abs() / limits[axis];
-        let worst = share(0).max(share(1)).max(share(2));
-        let further = self.further.iter().zip(&unit[3..]);
-        let worst = further.fold(worst, |worst, (it, part)| match it {
-            Some(it) => worst.max(part.abs() / of(it)),
-            None => worst,
-        });
+        let mut worst = share(0).max(share(1)).max(share(2));
+        for (axis, it) in self.further.iter().enumerate() {
+            if let Some(it) = it {
+                worst = worst.max(unit[3 + axis].abs() / of(it));
+            }
+        }
         if worst > 0.0 { 1.0 / worst } else { limits[0] }
     }
 }
