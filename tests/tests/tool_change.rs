@@ -251,6 +251,33 @@ fn a_canceled_probe_leaves_the_run_waiting_with_its_words_said_again() {
 }
 
 #[test]
+fn a_reset_in_the_change_that_drops_the_shift_of_an_axis_that_turns_ends_the_run() {
+    let settings = Settings::small_router_of(Firmware::Grbl);
+    let settings = settings.with_axes("XYZA".parse().expect("axes"));
+    let build = Build { start_in_machine: Some(START), ..Build::new(settings) };
+    let build = Build { probe_surface_z_mm: Some(-70.0), ..build };
+    let mut line = Line::new(returning(), build, &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.ask(zero(AxisSet::ALL, [0.0; 3])).unwrap();
+    let turned = Command::SetWorkOffset(OffsetRequest {
+        further: FurtherAxes::NONE.with(0, 30.0),
+        system: 92,
+        axes: AxisSet::NONE,
+        position: [0.0; 3],
+        is_origin: false,
+    });
+    line.ask(turned).unwrap();
+    line.start(with_change(), 0);
+    line.until("the tool change", |line| line.mode() == Mode::ToolChange);
+    let id = line.begin(probe(-60.0, false));
+    line.wait(1.0);
+    line.ask(Command::CancelRun { run: Some(id) }).unwrap();
+    let result = line.result();
+    assert_eq!(result.error_code, error_code::START_POSITION, "{result:?}");
+    assert!(result.message.contains("has dropped G92"), "{result:?}");
+}
+
+#[test]
 fn what_ends_the_work_by_hand_for_good_ends_the_run_and_says_so() {
     for (what, wanted) in [
         ("cancel", error_code::CANCELED),

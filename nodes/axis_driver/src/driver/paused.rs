@@ -6,6 +6,7 @@
 //! How it gets back to where it stopped is in `run/tool_change.rs`.
 
 use super::answer::{Answer, Refusal, done, refused};
+use super::context::offsets::Shift;
 use super::output::{Output, RunOutcome, RunResult};
 use super::run::ProgramRun;
 use super::run::exit::RunVerdict;
@@ -13,7 +14,7 @@ use super::run::progress::miss_record;
 use super::run::tool_change::{NO_CHANGE, ToolChange};
 use super::{Driver, Phase};
 use crate::codes::error_code;
-use cnc_msgs::geometry::{AxisSet, Position};
+use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::{MachineState, Mode};
 
 /// Owns the run that is paused, and what changed in its frame meanwhile.
@@ -23,7 +24,7 @@ pub(super) struct Paused {
     /// It was canceled; it ends when the manual operation has ended.
     is_canceled: bool,
     /// The shift of G92 before.
-    shift: Position,
+    shift: Shift,
     /// Axes of the work frame that are being set.
     pub(super) frame: AxisSet,
 }
@@ -41,7 +42,7 @@ impl Driver {
         match std::mem::replace(&mut self.phase, Phase::Ready) {
             Phase::Running(mut run) if run.is_changing_tool() => {
                 run.touch();
-                let (shift, frame) = (self.context.machine.shift(), AxisSet::NONE);
+                let (shift, frame) = (self.context.machine.whole_shift(), AxisSet::NONE);
                 self.paused = Some(Paused { run, is_canceled: false, shift, frame });
             }
             phase => self.phase = phase,
@@ -73,7 +74,10 @@ impl Driver {
         machine.line = run.job.line();
         run.encoder.forget_frame(frame);
         run.encoder.take_board(machine.board());
-        let has_moved = frame.is_empty() && machine.shift() != shift;
+        // Nobody sets further axes during a tool change.
+        let now = machine.whole_shift();
+        let has_moved =
+            frame.is_empty() && now.position != shift.position || shift.is_further_other(&now);
         self.phase = Phase::Running(run);
         if is_canceled {
             return self.stop_run(RunVerdict::canceled("canceled while the tool was changed"));

@@ -8,6 +8,7 @@ mod recovery;
 
 use super::answer::{Answer, Refusal, refused};
 use super::context::config::{ANSWER, REPORTS_PER_HOLD, STANDSTILL};
+use super::context::offsets::Shift;
 use super::context::{Context, Origin};
 use super::next::Next;
 use super::output::{LogLevel, RunOutcome};
@@ -18,7 +19,6 @@ use super::run::replan::{self, ReplanRequest};
 use crate::codes::error_code;
 use crate::link::realtime;
 use crate::report::ControllerState;
-use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::MachineState;
 use std::time::Duration;
 
@@ -38,7 +38,7 @@ pub(super) struct Stopping {
     /// answered.
     rest: Option<u64>,
     /// The shift of G92 before the reset.
-    shift_before: Position,
+    shift_before: Shift,
 }
 
 /// The end of a stop.
@@ -94,7 +94,7 @@ impl Stopping {
     fn new(run: ProgramRun, verdict: RunVerdict, step: StopStep, reply: Option<u64>) -> Self {
         let ProgramRun { job, rest, .. } = run;
         let rest = rest.map(|rest| rest.id);
-        Self { job, verdict, step, reply, rest, shift_before: [0.0; 3] }
+        Self { job, verdict, step, reply, rest, shift_before: Shift::default() }
     }
 
     /// Resets at once, in the middle of the stop.

@@ -22,6 +22,9 @@ pub(in crate::driver) struct FurtherState {
     offset: Vec<f64>,
     machine: FurtherAxes,
     work: FurtherAxes,
+    /// The machine places of the report before.
+    #[serde(default, skip_serializing_if = "FurtherAxes::is_empty")]
+    before: FurtherAxes,
     /// The stored offsets by their names, as they were printed, where they have values after X, Y
     /// and Z.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -71,6 +74,7 @@ impl FurtherState {
             true => is.map(|axis, value| value + sign * offset.get(axis).unwrap_or(0.0)),
             false => FurtherAxes::NONE,
         };
+        self.before = self.machine;
         (self.machine, self.work) = match report.machine_position.is_some() {
             true => (is, shifted(-1.0)),
             false => (shifted(1.0), is),
@@ -157,6 +161,17 @@ impl Machine {
         let number = index.and_then(|index| u16::try_from(103 + index).ok());
         let steps = number.and_then(|number| self.settings.get(&number)).copied();
         steps.filter(|steps| *steps > 0.0).map_or(0.2, f64::recip)
+    }
+
+    /// A reset may have changed it.
+    pub(super) fn forget_further_offset(&mut self) {
+        self.further.offset.clear();
+    }
+
+    /// Where they stand, as far as two reports in a row have said it: one may be damaged.
+    pub(in crate::driver) fn further_standing(&self) -> FurtherAxes {
+        let before = self.further.before;
+        self.further_machine().iter().filter(|&(axis, at)| before.get(axis) == Some(at)).collect()
     }
 
     /// A report that is not believed has an offset all the same.

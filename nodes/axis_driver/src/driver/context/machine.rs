@@ -125,6 +125,7 @@ impl Machine {
         self.inverse_times = Default::default();
         self.status = None;
         self.work_offset = None;
+        self.forget_further_offset();
         self.work_system = Some(1);
         self.has_tool_length = Some(false);
         self.overrides_percent = [100; 3];

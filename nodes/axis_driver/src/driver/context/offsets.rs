@@ -3,9 +3,37 @@
 use super::machine::Machine;
 use crate::driver::output::Offset;
 use crate::report::StatusReport;
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
 
+/// The shift of G92, which a reset may drop.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(in crate::driver) struct Shift {
+    /// mm, zero if it was not reported.
+    pub(in crate::driver) position: Position,
+    /// As far as it was reported.
+    further: FurtherAxes,
+}
+
+impl Shift {
+    /// Whether that of a further axis is another one now.
+    pub(in crate::driver) fn is_further_other(&self, now: &Self) -> bool {
+        let is_other = |(axis, was)| now.further.get(axis).is_some_and(|is| is != was);
+        self.further.iter().any(is_other)
+    }
+
+    /// Whether it is another one now.
+    pub(in crate::driver) fn is_other(&self, now: &Self) -> bool {
+        self.position != now.position || self.is_further_other(now)
+    }
+}
+
 impl Machine {
+    /// The shift of G92 in all axes.
+    pub(in crate::driver) fn whole_shift(&self) -> Shift {
+        Shift { position: self.shift(), further: self.further_stored("G92") }
+    }
+
     /// Takes the work offset from the stored ones if reports have not shown it yet: at least
     /// every thirtieth does, and with some settings none.
     pub(in crate::driver) fn work_out_offset(&mut self) {

@@ -50,7 +50,7 @@ impl Machine {
         // A work position is one in the machine frame only with the offset in force.
         let is_placed = self.shown.has_machine_position || self.is_offset_in_force();
         let place = self.machine_position().filter(|_| is_placed);
-        let further = if is_placed { self.further_machine() } else { FurtherAxes::NONE };
+        let further = if is_placed { self.further_standing() } else { FurtherAxes::NONE };
         let mut watch = PathWatch::new(board, frame, place, further);
         watch.has_shown(self.work_offset);
         watch

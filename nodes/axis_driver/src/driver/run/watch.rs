@@ -202,9 +202,15 @@ impl ProgramRun {
 
     /// The tool change is over; the tool stands here.
     pub(super) fn watch_from(&mut self, context: &Context, is_touched: bool) {
-        let (at, further) = (context.machine.machine_position(), context.machine.further_machine());
+        let machine = &context.machine;
+        let at = machine.machine_position();
+        // A work position is one in the machine frame only with the offset in force.
+        let further = match machine.shown.has_machine_position {
+            true => machine.further_standing(),
+            false => FurtherAxes::NONE,
+        };
         // The words that follow say what is in force then.
-        let frame = is_touched.then(|| context.machine.frame());
+        let frame = is_touched.then(|| machine.frame());
         if let Some(watch) = &mut self.watch.watch {
             watch.begin_again(frame.map(|frame| frame.without_offset()), at, further);
         }

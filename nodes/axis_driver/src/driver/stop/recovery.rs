@@ -14,7 +14,7 @@ impl Stopping {
     pub(in crate::driver) fn on_banner(&mut self, context: &mut Context) {
         self.step = StopStep::Reporting { until: context.now + ANSWER };
         // Which offsets it has kept depends on the controller.
-        self.shift_before = context.machine.shift();
+        self.shift_before = context.machine.whole_shift();
         let query = WORDS_QUERY;
         context.link.send_line(QUERIES[query], LineKind::Slow, Origin::Query(query));
     }
@@ -26,7 +26,7 @@ impl Stopping {
             let next = query + 1;
             return context.link.send_line(QUERIES[next], LineKind::Slow, Origin::Query(next));
         }
-        if self.shift_before != context.machine.shift() {
+        if self.shift_before.is_other(&context.machine.whole_shift()) {
             let text = "the reset has dropped G92: the work frame has moved; set it again";
             context.log(LogLevel::Warn, text);
         }
