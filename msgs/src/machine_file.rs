@@ -1,8 +1,8 @@
 //! What a controller reports about itself, as a file.
 //!
 //! `kerf controller dump` writes it, `kerf plan --machine` reads it. Settings have the numbers
-//! and the units of the firmware; offsets are in millimetres, of A, B and C in degrees. What they mean for a machine is
-//! the business of the driver.
+//! and the units of the firmware; offsets are in millimetres, of A, B and C in degrees. What they
+//! mean for a machine is the business of the driver.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

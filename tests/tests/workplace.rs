@@ -187,6 +187,40 @@ fn the_new_rest_of_a_run_is_judged_like_a_run() {
 }
 
 #[test]
+fn the_new_rest_is_judged_by_the_zero_that_the_program_has_set() {
+    let mut line = homed(Firmware::GrblHal, refusing());
+    let ends: Vec<_> = (0..400).map(|number| [40.0 + f64::from(number), 0.0, 5.0]).collect();
+    let mut old = path(&ends);
+    old.elements[0].end[0] = 100.0;
+    // X100 is X40 from there on: the zero is 60 mm farther.
+    let action = Action::SetWorkOffset {
+        system: 1,
+        axes: AxisSet::NONE.with(0),
+        origin: [40.0, 0.0, 0.0],
+        by_position: true,
+    };
+    let source = Source { line: 1, ..Source::default() };
+    old.events = vec![PathEvent { at_element: 1, action, source }];
+    line.ask(Command::RunProgram(request(old.clone()))).expect("it fits");
+    line.until("the zero is set", |line| line.state().line >= 10);
+    line.ask(Command::FeedHold).expect("a hold");
+    line.until("it stands", |line| line.state().settled_elements > 0);
+    for (end, fits) in [(430.0, true), (445.0, false)] {
+        let mut path = old.clone();
+        path.elements[399].end[0] = end;
+        let of = line.state().path_revision;
+        let (program_id, revision, path) = ("part".into(), of + 1, Arc::new(path));
+        let request = ReplanRequest { program_id, of, revision, path };
+        match line.ask(Command::Replan(request)) {
+            Ok(_) => assert!(fits, "{end}"),
+            Err(refusal) => {
+                assert!(!fits && refusal.message.contains("X5.000"), "{end}: {refusal}")
+            }
+        }
+    }
+}
+
+#[test]
 fn a_program_that_just_fits_runs_to_both_ends() {
     for firmware in [Firmware::Grbl, Firmware::GrblHal] {
         let mut line = homed(firmware, refusing());

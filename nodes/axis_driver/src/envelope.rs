@@ -10,7 +10,7 @@ mod functions;
 mod keep_out;
 mod travel;
 
-use crate::machine_limits::MachineLimits;
+use crate::machine_limits::{MachineLimits, StoredOffsets};
 use crate::machine_path::{Known, MachinePath, Step};
 use cnc_msgs::calls::Calls;
 use cnc_msgs::finding::Finding;
@@ -76,6 +76,13 @@ impl Envelope {
             first_element,
             calls: path.calls.clone(),
         }
+    }
+
+    /// Goes on from its first element with these stored positions: those that the controller has
+    /// there, after all that the path has set before.
+    pub fn go_on_with(&mut self, path: &CompensatedPath, offsets: &StoredOffsets) {
+        self.advance_to(path, self.first_element);
+        self.walk.take_offsets(path, offsets);
     }
 
     /// Judges all that happens before this element; the number of elements means all of it.

@@ -128,6 +128,17 @@ impl MachinePath {
         std::array::from_fn(|axis| place[axis] + offset[axis].unwrap_or(0.0))
     }
 
+    /// These are the stored positions now, whatever the path has made of them up to here.
+    pub(crate) fn take_offsets(&mut self, path: &CompensatedPath, offsets: &StoredOffsets) {
+        let begun = Self::new(path, offsets, [None; 3]);
+        (self.systems, self.references, self.shift) =
+            (begun.systems, begun.references, begun.shift);
+        (self.further_systems, self.further_shift) = (begun.further_systems, begun.further_shift);
+        let (start, offset) = (path.start_of(self.next_element), self.offset());
+        self.at = std::array::from_fn(|axis| offset[axis].map(|it| it + start[axis]));
+        self.further_at = FurtherAxes::NONE;
+    }
+
     /// The axes are here now.
     pub(crate) fn assume(&mut self, at: Position) {
         self.at = at.map(Some);
@@ -240,6 +251,8 @@ impl MachinePath {
                     let zero: FurtherAxes = named.iter().filter_map(zero).collect();
                     *stored = zero.or(stored.without_all(named));
                 }
+                // Nothing moves.
+                step.named = FurtherAxes::NONE;
                 return Step::Further(step);
             }
             // Where the controller has stored them is not known here.

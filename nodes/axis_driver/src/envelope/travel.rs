@@ -314,9 +314,12 @@ fn too_long(of: &Room, span: f64, room: f64, most: Reach, least: Reach) -> Findi
         most.place(),
         span - room
     );
-    let mut finding = Finding::error(Code::Travel, source, message).help(format!(
-        "split the program or turn the part; if the travel is wrong, correct ${number}"
-    ));
+    let remedy = match of.turns {
+        true => format!("turn {letter} back between the cuts"),
+        false => "split the program or turn the part".to_owned(),
+    };
+    let help = format!("{remedy}; if the travel is wrong, correct ${number}");
+    let mut finding = Finding::error(Code::Travel, source, message).help(help);
     let mm = |value| (!of.turns).then_some(value);
     (finding.needed_mm, finding.available_mm) = (mm(span), mm(room));
     finding

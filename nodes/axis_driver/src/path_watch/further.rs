@@ -94,7 +94,7 @@ impl FurtherFrame {
     /// not known and that the report before has shown as well are known.
     pub(super) fn adopt(&mut self, shown: FurtherAxes, before: FurtherAxes) {
         let twice = shown.iter().filter(|&(axis, value)| before.get(axis) == Some(value));
-        let twice = twice.fold(FurtherAxes::NONE, |all, (axis, value)| all.with(axis, value));
+        let twice = twice.collect();
         self.in_force = self.in_force.or(twice);
     }
 }

@@ -100,7 +100,7 @@ impl ParameterFile {
         Ok(())
     }
 
-    /// Nothing is told of the runs before.
+    /// What was wrong with the runs before is not reported any more.
     pub(super) fn forget_trouble(&self) {
         self.state().trouble = None;
     }

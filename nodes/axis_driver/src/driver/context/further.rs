@@ -141,11 +141,11 @@ impl Machine {
             let zero = self.further_stored(&format!("G{}", 54 + index));
             let known =
                 zero.iter().filter_map(|(axis, zero)| Some((axis, zero + shift.get(axis)?)));
-            known.fold(FurtherAxes::NONE, |all, (axis, zero)| all.with(axis, zero))
+            known.collect()
         };
         let FurtherState { machine, work, .. } = self.further;
         let both = machine.iter().filter_map(|(axis, at)| Some((axis, at - work.get(axis)?)));
-        let in_force = both.fold(FurtherAxes::NONE, |all, (axis, zero)| all.with(axis, zero));
+        let in_force = both.collect();
         FurtherFrame { systems: std::array::from_fn(system), shift, in_force }
     }
 
@@ -184,7 +184,7 @@ impl Machine {
     pub(in crate::driver) fn further_machine(&self) -> FurtherAxes {
         let is_printed = |axis: usize| !self.reports_in_inches() || !FurtherAxes::is_rotary(axis);
         let known = self.further.machine.iter().filter(|(axis, _)| is_printed(*axis));
-        known.fold(FurtherAxes::NONE, |all, (axis, at)| all.with(axis, at))
+        known.collect()
     }
 
     /// Where they are, as far as it is known; `None` where the board has none.

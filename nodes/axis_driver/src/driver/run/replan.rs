@@ -70,7 +70,7 @@ impl ProgramRun {
         let limits = context.machine.limits_for_time();
         let time = CycleTime::new(&limits, &request.path, first, None);
         let run = RunRequest { path: Arc::clone(&request.path), ..self.job.request.clone() };
-        let workplace = WorkplaceCheck::begin(context, &run, first);
+        let workplace = WorkplaceCheck::begin_rest(context, &run, first);
         let proof = Proof::new(encoder.clone(), time, workplace);
         self.rest = Some(Box::new(Replan { id, request, encoder, proof }));
         None

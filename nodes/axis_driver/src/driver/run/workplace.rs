@@ -64,6 +64,17 @@ impl WorkplaceCheck {
         Some(Self { envelope, offsets: limits.offsets, check_travel, judged: 0 })
     }
 
+    /// The same for the rest of a run that is under way: the path has set offsets before it.
+    pub(in crate::driver) fn begin_rest(
+        context: &mut Context,
+        request: &RunRequest,
+        first_element: usize,
+    ) -> Option<Self> {
+        let mut check = Self::begin(context, request, first_element)?;
+        check.envelope.go_on_with(&request.path, &check.offsets);
+        Some(check)
+    }
+
     /// Judges a slice; true at the end of the path.
     pub(in crate::driver) fn step(&mut self, path: &CompensatedPath) -> bool {
         self.judged = (self.judged + ELEMENTS_PER_SLICE).min(path.elements.len());

@@ -1,5 +1,8 @@
 //! Jogs, probes, offsets, overrides: the driver against the virtual controller.
 
+mod overrides;
+mod probe;
+
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
     Command, DriverConfig, JogFrame, JogRequest, OffsetRequest, Overrides, ProbeRequest, RunOutcome,
@@ -11,6 +14,7 @@ use kerf_tests::line::Line;
 use virtual_controller::{Build, Firmware, Settings};
 
 const X: AxisSet = AxisSet::from_bits(0b001);
+
 const Z: AxisSet = AxisSet::from_bits(0b100);
 
 fn build() -> Build {
@@ -186,52 +190,6 @@ fn numbers_out_of_range_move_nothing() {
 }
 
 #[test]
-fn a_probe_reports_where_it_touched_in_both_frames() {
-    let mut line = Line::connected(Build { probe_surface_z_mm: Some(-62.0), ..build() });
-    let offset = set_offset(1, Z, [0.0, 0.0, 10.0], false);
-    line.ask(offset).unwrap();
-    line.ask(probe(-20.0, false)).unwrap();
-    let result = line.move_result();
-    assert_eq!((result.outcome, result.found), (RunOutcome::Succeeded, true), "{result:?}");
-    assert!(near(result.machine_position.unwrap(), [-300.0, -200.0, -62.0]), "{result:?}");
-    assert!((result.work_position.unwrap()[2] - -2.0).abs() < 0.02, "{result:?}");
-}
-
-#[test]
-fn a_probe_that_finds_nothing_is_an_alarm_or_a_result() {
-    let mut line = Line::connected(Build { probe_surface_z_mm: Some(-90.0), ..build() });
-    line.ask(probe(-5.0, true)).unwrap();
-    let result = line.move_result();
-    assert_eq!((result.outcome, result.found), (RunOutcome::Succeeded, false), "{result:?}");
-    assert_eq!(result.machine_position, None);
-    line.ask(probe(-5.0, false)).unwrap();
-    let result = line.move_result();
-    assert_eq!(
-        (result.outcome, result.error_code),
-        (RunOutcome::Aborted, error_code::PROBE_FAILED)
-    );
-    assert!(result.message.contains("touched nothing"), "{}", result.message);
-    line.until("alarm", |line| line.mode() == Mode::Alarm);
-    // Nothing unlocks by itself.
-    line.wait(5.0);
-    assert_eq!(line.mode(), Mode::Alarm);
-    assert_eq!(line.ask(jog(1.0)).unwrap_err().error_code, error_code::NEEDS_RESET);
-}
-
-#[test]
-fn a_probe_that_is_canceled_stops_and_is_reset() {
-    let mut line = Line::connected(Build { probe_surface_z_mm: Some(-90.0), ..build() });
-    let id = line.begin(probe(-30.0, false));
-    line.wait(3.0);
-    line.ask(Command::CancelRun { run: Some(id) }).unwrap();
-    let result = line.move_result();
-    assert_eq!(result.outcome, RunOutcome::Canceled, "{result:?}");
-    line.until("idle", |line| line.mode() == Mode::Idle);
-    let at = line.state().machine_position.unwrap();
-    assert!(at[2] < -51.0 && at[2] > -60.0, "{at:?}");
-}
-
-#[test]
 fn offsets_are_kept_by_the_controller_and_reported_with_its_settings() {
     let mut line = Line::connected(build());
     let position = [-100.0, -50.0, -20.0];
@@ -250,76 +208,6 @@ fn offsets_are_kept_by_the_controller_and_reported_with_its_settings() {
 
 /// Asks for overrides and waits for the answer; gives the seconds it took.
 #[track_caller]
-fn set(line: &mut Line, wanted: Overrides) -> f64 {
-    let then = line.now;
-    line.ask(Command::SetOverrides(wanted)).unwrap();
-    let percents = line.state().overrides_percent;
-    let named = [wanted.feed, wanted.rapid, wanted.spindle].into_iter().zip(percents);
-    for (wanted, is) in named {
-        assert!(wanted.is_none_or(|wanted| wanted == is), "{percents:?} at the success");
-    }
-    (line.now - then).as_secs_f64()
-}
-
-#[test]
-fn an_override_is_called_done_when_a_report_shows_it_and_takes_no_second() {
-    for firmware in virtual_controller::Firmware::ALL {
-        let settings = Settings::small_router_of(firmware);
-        let start_in_machine = Some([-300.0, -200.0, -50.0]);
-        let mut line = Line::connected(Build { start_in_machine, ..Build::new(settings) });
-        line.start(kerf_tests::line::straight(290, 1.0), 0);
-        line.until("it cuts", |line| line.state().line >= 3);
-        let feed = |percent| Overrides { feed: Some(percent), ..Overrides::default() };
-        for wanted in [
-            feed(190),
-            Overrides { feed: Some(57), rapid: Some(25), spindle: Some(133) },
-            feed(10),
-            feed(200),
-            Overrides { feed: Some(11), rapid: Some(100), spindle: Some(199) },
-            Overrides { feed: Some(100), rapid: Some(50), spindle: Some(10) },
-        ] {
-            let seconds = set(&mut line, wanted);
-            assert!(seconds < 1.0, "{firmware}: {wanted:?} took {seconds} s");
-        }
-        assert!(line.finished.is_none(), "{firmware}: in the run");
-    }
-}
-
-#[test]
-fn every_feed_override_is_reached_from_idle_within_a_second() {
-    let mut line = Line::connected(build());
-    line.forget_written();
-    for percent in (10..=200).chain((10..=200).rev().step_by(7)).chain([200, 10, 199, 11]) {
-        let wanted = Overrides { feed: Some(percent), spindle: Some(210 - percent), rapid: None };
-        let seconds = set(&mut line, wanted);
-        assert!(seconds < 1.0, "{percent} took {seconds} s");
-    }
-}
-
-#[test]
-fn overrides_are_asked_for_again_when_a_byte_is_lost() {
-    for lost in 30..60 {
-        let fault = format!("rx-drop@byte={lost}");
-        let mut line = Line::new(DriverConfig::default(), build(), &[&fault]);
-        line.until("idle", |line| line.mode() == Mode::Idle);
-        let wanted = Overrides { feed: Some(83), rapid: Some(25), spindle: Some(121) };
-        set(&mut line, wanted);
-        set(&mut line, Overrides { feed: Some(100), ..wanted });
-    }
-}
-
-#[test]
-fn an_override_that_does_not_show_is_refused_with_the_numbers() {
-    let mut line = homing();
-    let wanted = Overrides { feed: Some(57), rapid: Some(25), spindle: None };
-    let refusal = line.ask(Command::SetOverrides(wanted)).expect_err("a refusal");
-    assert_eq!(line.mode(), Mode::Home);
-    assert_eq!(refusal.error_code, error_code::NO_ANSWER);
-    for text in ["feed 57 %, rapid 25 %", "feed 100 %, rapid 100 %, spindle 100 % after 3 s"] {
-        assert!(refusal.message.contains(text), "{}", refusal.message);
-    }
-}
-
 #[test]
 fn a_door_hold_stops_and_continues_with_a_resume() {
     let mut line = Line::connected(build());
@@ -361,36 +249,6 @@ fn a_shutdown_stops_what_is_done_by_hand_first() {
         assert!(near(at, stopped), "{command:?}: it went on to {at:?}");
         line.until("a place", |line| line.state().work_position.is_some());
     }
-}
-
-#[test]
-fn overrides_in_a_row_end_at_the_last_and_never_go_beyond_it() {
-    let mut line = Line::connected(build());
-    line.start(kerf_tests::line::straight(290, 1.0), 0);
-    line.until("it cuts", |line| line.state().line >= 3);
-    let feed = |percent| Overrides { feed: Some(percent), ..Overrides::default() };
-    let ids =
-        [150, 150, 150, 50, 120].map(|percent| line.begin(Command::SetOverrides(feed(percent))));
-    let rapid = Overrides { rapid: Some(50), ..Overrides::default() };
-    let then = line.now;
-    line.ask(Command::SetOverrides(rapid)).unwrap();
-    assert_eq!(line.state().overrides_percent, [120, 50, 100]);
-    assert!((line.now - then).as_secs_f64() < 1.0, "it took {:?}", line.now - then);
-    // Those that a later one replaced are answered too.
-    let answers = ids.map(|id| {
-        let (_, result) = line.replies.iter().find(|(of, _)| *of == id).expect("an answer");
-        result.as_ref().map_err(|refusal| refusal.error_code).is_ok()
-    });
-    assert_eq!(answers, [false, false, false, false, true]);
-    // A reset sets them back, and nothing sets them again.
-    let id = line.begin(Command::SetOverrides(feed(200)));
-    line.ask(Command::SoftReset).unwrap();
-    let (_, result) = line.replies.iter().find(|(of, _)| *of == id).expect("an answer");
-    assert!(result.is_err(), "{result:?}");
-    let then = line.now;
-    line.wait(6.0);
-    assert_eq!(line.state().overrides_percent, [100; 3]);
-    assert!(!line.said_since(then).contains('\u{91}'));
 }
 
 #[test]
@@ -460,84 +318,4 @@ fn homing() -> Line {
     line.begin(Command::Home);
     line.wait(0.5);
     line
-}
-
-#[test]
-fn overrides_that_are_asked_for_again_and_again_time_out_all_the_same() {
-    let mut line = homing();
-    let wanted = Overrides { feed: Some(50), ..Overrides::default() };
-    let first = line.begin(Command::SetOverrides(wanted));
-    for _ in 0..7 {
-        line.wait(0.5);
-        line.begin(Command::SetOverrides(wanted));
-    }
-    assert_eq!(line.mode(), Mode::Home);
-    let answer = line.replies.iter().find(|(id, _)| *id == first);
-    let answer = answer.expect("it is answered after three seconds").1.clone();
-    assert_eq!(answer.unwrap_err().error_code, error_code::NO_ANSWER);
-}
-
-#[test]
-fn requests_for_overrides_do_not_pile_up() {
-    let mut line = homing();
-    let wanted = Overrides { feed: Some(50), ..Overrides::default() };
-    for _ in 0..1_000 {
-        line.begin(Command::SetOverrides(wanted));
-    }
-    let refused = line.replies.iter().filter_map(|(_, result)| result.as_ref().err());
-    let busy = refused.filter(|refusal| refusal.error_code == error_code::BUSY).count();
-    assert!(busy > 900, "{busy} were refused");
-}
-
-#[test]
-fn an_axis_that_turns_is_probed() {
-    for firmware in Firmware::ALL {
-        let settings = Settings::small_router_of(firmware);
-        let settings = settings.with_axes("XYZA".parse().expect("axes"));
-        let start_in_machine = Some([-300.0, -200.0, -50.0]);
-        let probe_stop_fourth = Some(72.5);
-        let build = Build { start_in_machine, probe_stop_fourth, ..Build::new(settings) };
-        let mut line = Line::connected(build);
-        let probe = |degrees: f64, away| {
-            Command::Probe(ProbeRequest {
-                axes: AxisSet::NONE,
-                distance: [0.0; 3],
-                feed_mm_per_min: 720.0,
-                away,
-                may_miss: false,
-                further: FurtherAxes::NONE.with(0, degrees),
-            })
-        };
-        line.ask(probe(90.0, false)).expect("it begins");
-        let result = line.move_result();
-        assert!(result.found && result.outcome == RunOutcome::Succeeded, "{firmware}: {result:?}");
-        let at = result.further.get(0).expect("where it touched");
-        assert!((at - 72.5).abs() < 0.05, "{firmware}: {result:?}");
-        // Away from the stop, and towards it where there is none.
-        line.ask(probe(-5.0, true)).expect("it begins");
-        assert!(line.move_result().found, "{firmware}");
-        line.ask(probe(-30.0, false)).expect("it begins");
-        let result = line.move_result();
-        assert_eq!(result.error_code, error_code::PROBE_FAILED, "{firmware}: {result:?}");
-        assert_eq!(result.further, FurtherAxes::NONE);
-    }
-}
-
-#[test]
-fn axes_that_boards_move_differently_are_not_probed_together() {
-    let mut line = Line::connected(build());
-    let mut ask = |axes, further| {
-        let (distance, feed_mm_per_min, away, may_miss) = ([0.0, 0.0, -5.0], 100.0, false, false);
-        let request = ProbeRequest { axes, distance, feed_mm_per_min, away, may_miss, further };
-        line.ask(Command::Probe(request)).expect_err("it is refused")
-    };
-    let a = FurtherAxes::NONE.with(0, 10.0);
-    for (refusal, said) in [
-        (ask(Z, a), "probe X, Y and Z in one move"),
-        (ask(AxisSet::NONE, a.with(3, 1.0)), "probe X, Y and Z in one move"),
-        (ask(AxisSet::NONE, a), "the controller has no axis A: it has X Y Z"),
-    ] {
-        assert_eq!(refusal.error_code, error_code::INVALID_REQUEST);
-        assert!(refusal.message.contains(said), "{refusal}");
-    }
 }
