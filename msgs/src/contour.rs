@@ -202,6 +202,8 @@ pub enum Action {
     StoreReference { second: bool },
     /// `G53`: a move in machine coordinates, mm; only the axes that are named.
     MachineMove { target: Position, axes: AxisSet, rapid: bool, feed_mm_per_min: f64 },
+    /// `G38.2` to `G38.5`: the motion of the block ends where a probe touches, on the way to its end.
+    Probe(Probe),
     /// The block moves A, B, C, U, V or W, with its motion or alone.
     Further(FurtherMove),
     /// These axes are homed; the machine decides where they are afterwards.
@@ -212,6 +214,34 @@ pub enum Action {
     Message { text: Text },
     /// `M2`, or `M30` when it rewinds.
     ProgramEnd { rewind: bool },
+}
+
+/// What ends a probe.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Probe {
+    /// That it lets go, and not that it touches.
+    pub away: bool,
+    /// Or the end of its motion, which is an alarm otherwise.
+    pub may_miss: bool,
+}
+
+impl Probe {
+    /// `G38.2`.
+    pub const fn word(self) -> &'static str {
+        ["G38.2", "G38.3", "G38.4", "G38.5"][self.number() as usize - 2]
+    }
+
+    /// The digit after the point, 2 to 5.
+    pub const fn number(self) -> u8 {
+        2 + 2 * self.away as u8 + self.may_miss as u8
+    }
+
+    pub const fn of_number(number: u32) -> Option<Self> {
+        match number {
+            2..=5 => Some(Self { away: number >= 4, may_miss: number % 2 == 1 }),
+            _ => None,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -241,6 +271,7 @@ impl Action {
             Self::ProgramEnd { .. } => "program_end",
             Self::Message { .. } => "message",
             Self::Further(_) => "axes",
+            Self::Probe(_) => "probe",
             Self::ToolLength { .. }
             | Self::WorkOffset { .. }
             | Self::Auxiliary { .. }
@@ -288,6 +319,7 @@ impl Action {
             }
             Self::StoreReference { second } => if second { "G30.1" } else { "G28.1" }.into(),
             Self::Further(further) => further.text(),
+            Self::Probe(probe) => probe.word().into(),
             Self::Home { axes } => format!("Home {}", axes.letters()),
             Self::ExactStop => "G9".into(),
             Self::Message { text } => format!("(MSG, {text})"),

@@ -7,6 +7,11 @@ pub mod lists;
 pub mod plain;
 pub mod rows;
 
+use cnc_msgs::finding::Finding;
+use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::tool_table::ToolTable;
+use compensation_planner::{Planning, judge};
+use program_loader::{LoadOptions, load};
 use std::path::{Path, PathBuf};
 
 /// The root of the workspace.
@@ -24,6 +29,27 @@ pub fn kerf() -> PathBuf {
     let kerf = profile.join("kerf");
     assert!(kerf.exists(), "{} is not built: run cargo build -p kerf first", kerf.display());
     kerf
+}
+
+/// The path of a program under the profile `rs274`, with T1 of 4 mm, or the errors that refuse it.
+///
+/// # Errors
+/// Those of the loader, of the planner and of the audit.
+pub fn planned(program: &str) -> Result<CompensatedPath, Vec<Finding>> {
+    let profile = settings::load_profile("rs274").expect("the shipped profile");
+    let loaded = load(program.as_bytes(), &profile, &LoadOptions::default());
+    let errors = |findings: Vec<Finding>| findings.into_iter().filter(Finding::is_error).collect();
+    let found: Vec<Finding> = errors(loaded.findings);
+    if !found.is_empty() {
+        return Err(found);
+    }
+    let mut tools = ToolTable::default();
+    tools.tools.entry(1).or_default().diameter_mm = 4.0;
+    let verdict = judge(&loaded.contour, &profile, &tools, Planning::default());
+    let mut found = verdict.plan.findings.clone();
+    found.extend(verdict.audit.iter().flat_map(|audit| audit.findings.clone()));
+    let found: Vec<Finding> = errors(found);
+    if found.is_empty() { Ok(verdict.plan.path) } else { Err(found) }
 }
 
 /// Every file with this ending that belongs to the project, sorted.

@@ -3,35 +3,17 @@
 use axis_driver::driver::{Command, JogFrame, JogRequest, OffsetRequest, RunOutcome, RunRequest};
 use cnc_msgs::contour::{Action, ContourEventKind};
 use cnc_msgs::convert::machine_state_to_wire;
-use cnc_msgs::finding::Finding;
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::{Planning, judge};
 use kerf_tests::line::Line;
+use kerf_tests::planned;
 use program_loader::{LoadOptions, load};
 use std::sync::Arc;
 use virtual_controller::{Build, Firmware, Settings};
 
 /// What a program means, planned and proved.
-fn planned(program: &str) -> Result<CompensatedPath, Vec<Finding>> {
-    let profile = settings::load_profile("rs274").expect("the shipped profile");
-    let loaded = load(program.as_bytes(), &profile, &LoadOptions::default());
-    let errors = |findings: Vec<Finding>| findings.into_iter().filter(Finding::is_error).collect();
-    let found: Vec<Finding> = errors(loaded.findings);
-    if !found.is_empty() {
-        return Err(found);
-    }
-    let mut tools = ToolTable::default();
-    tools.tools.entry(1).or_default().diameter_mm = 4.0;
-    let verdict = judge(&loaded.contour, &profile, &tools, Planning::default());
-    let mut found = verdict.plan.findings.clone();
-    found.extend(verdict.audit.iter().flat_map(|audit| audit.findings.clone()));
-    let found: Vec<Finding> = errors(found);
-    if found.is_empty() { Ok(verdict.plan.path) } else { Err(found) }
-}
-
 #[track_caller]
 fn path(program: &str) -> CompensatedPath {
     planned(program).unwrap_or_else(|findings| panic!("{program}: {findings:#?}"))

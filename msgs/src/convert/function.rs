@@ -1,7 +1,7 @@
 //! Machine functions.
 
 use super::{WireError, number, position};
-use crate::contour::{Action, CoolantMode, SpindleMode};
+use crate::contour::{Action, CoolantMode, Probe, SpindleMode};
 use crate::further::{FURTHER_LETTERS, FurtherAxes, FurtherMode, FurtherMove};
 use crate::geometry::AxisSet;
 use crate::text::{Text, Words};
@@ -92,6 +92,10 @@ impl From<&Action> for wire::MachineFunction {
                         Self::FURTHER_FEED
                     }
                 }
+            }
+            Action::Probe(probe) => {
+                out.number = probe.number().into();
+                Self::PROBE
             }
             Action::ExactStop => Self::EXACT_STOP,
             Action::Message { text } => {
@@ -209,6 +213,12 @@ impl TryFrom<&wire::MachineFunction> for Action {
                 }))?
             }
             W::FURTHER_FEED => return Err(WireError::Number { field: "value", value }),
+            W::PROBE => match Probe::of_number(function.number) {
+                Some(probe) => Self::Probe(probe),
+                None => {
+                    return Err(WireError::Constant { field: "number", value: function.number });
+                }
+            },
             W::EXACT_STOP => Self::ExactStop,
             W::MESSAGE => match Text::new(&function.text) {
                 Some(text) => Self::Message { text },

@@ -35,6 +35,8 @@ pub struct CycleTime {
     at_steps: [i64; 3],
     /// A block that starts from rest comes next, after so many seconds.
     pause_s: Option<f64>,
+    /// The next block ends at rest: it is the way of a probe.
+    ends_at_rest: bool,
     first_element: usize,
     /// S, M3 and M7 in force: only a change stops the machine.
     rpm: f64,
@@ -68,6 +70,7 @@ impl CycleTime {
             along: FurtherAxes::NONE,
             at_steps: [0; 3],
             pause_s: None,
+            ends_at_rest: false,
             first_element,
             rpm: 0.0,
             spindle: SpindleMode::Off,
@@ -75,6 +78,7 @@ impl CycleTime {
             seconds: 0.0,
         };
         while started.walk.next_element() < first_element && started.walk.next(path).is_some() {}
+        started.walk.miss_probes();
         let start = path.start_of(first_element.min(path.elements.len()));
         let at = start_in_machine.unwrap_or_else(|| started.walk.work_place(start));
         started.walk.assume(at);
@@ -206,6 +210,7 @@ impl CycleTime {
     fn push_block(&mut self, block: Option<Block>) -> bool {
         let Some(block) = block else { return false };
         self.ring.push(&self.limits, block, self.pause_s.take());
+        self.pause_s = std::mem::take(&mut self.ends_at_rest).then_some(0.0);
         true
     }
 
@@ -240,6 +245,10 @@ impl CycleTime {
                 if std::mem::replace(&mut self.coolant, after) == after {
                     return;
                 }
+                0.0
+            }
+            Action::Probe(_) => {
+                self.ends_at_rest = true;
                 0.0
             }
             Action::ChangeTool { .. } => {

@@ -20,7 +20,7 @@ pub(crate) mod words;
 use crate::link::LineKind;
 use crate::vectors::{minus, norm};
 use arc_lines::RestOfArc;
-use cnc_msgs::contour::{Source, SpindleMode};
+use cnc_msgs::contour::{Probe, Source, SpindleMode};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
@@ -69,6 +69,12 @@ pub enum EncoderStep {
     ControllerChange {
         tool: u32,
         source_line: u32,
+    },
+    /// Motion ends, this line moves the axes until a probe touches, or lets go, and the program goes
+    /// on from there.
+    Probe {
+        line: EncodedLine,
+        probe: Probe,
     },
     /// Motion ends, these axes are homed by this line, and the program goes on.
     Home {
@@ -237,12 +243,7 @@ impl Encoder {
     fn encode_element(&mut self, index: usize, element: &PathElement) -> Result<(), EncodeProblem> {
         self.refuse_after_end("motion")?;
         let start = self.path.start_of(index);
-        for axis in 0..3 {
-            for value in [element.end[axis], start[axis]] {
-                self.checked_position(AXIS_LETTERS[axis], value)?;
-                self.refuse_coarse(axis, value)?;
-            }
-        }
+        self.check_ends(start, element.end)?;
         let further = self.take_further(element.source)?;
         match element.shape {
             Shape::Line => self.encode_line(index, element, start, element.end, further),
@@ -252,6 +253,17 @@ impl Encoder {
             }
             Shape::Arc(arc) => self.encode_arc(index, element, start, &arc),
         }
+    }
+
+    /// Whether the controller takes the ends of a motion.
+    fn check_ends(&self, start: Position, end: Position) -> Result<(), EncodeProblem> {
+        for axis in 0..3 {
+            for value in [end[axis], start[axis]] {
+                self.checked_position(AXIS_LETTERS[axis], value)?;
+                self.refuse_coarse(axis, value)?;
+            }
+        }
+        Ok(())
     }
 
     fn encode_line(
@@ -417,6 +429,16 @@ fn axis_words(named: AxisSet, start: Position, end: Position) -> (AxisSet, Strin
         }
     }
     (axes, text)
+}
+
+impl EncoderStep {
+    /// The line that cuts an element, or probes along it.
+    pub fn line(&self) -> Option<&EncodedLine> {
+        match self {
+            Self::Line(line) | Self::Probe { line, .. } => Some(line),
+            _ => None,
+        }
+    }
 }
 
 impl Modal {

@@ -79,10 +79,19 @@ impl Envelope {
     }
 
     /// Goes on from its first element with these stored positions: those that the controller has
-    /// there, after all that the path has set before.
-    pub fn go_on_with(&mut self, path: &CompensatedPath, offsets: &StoredOffsets) {
+    /// there, after all that the path has set before. `here` is where the axes are, machine frame;
+    /// `None`: where the path has taken them.
+    pub fn go_on_with(
+        &mut self,
+        path: &CompensatedPath,
+        offsets: &StoredOffsets,
+        here: Option<Position>,
+    ) {
         self.advance_to(path, self.first_element);
         self.walk.take_offsets(path, offsets);
+        if let Some(here) = here {
+            self.walk.assume(here);
+        }
     }
 
     /// Judges all that happens before this element; the number of elements means all of it.

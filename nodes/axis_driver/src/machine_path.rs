@@ -79,6 +79,10 @@ pub(crate) struct MachinePath {
     further_shift: FurtherAxes,
     /// In the machine frame, as far as it is known.
     further_at: FurtherAxes,
+    /// The next element is the way of a probe.
+    is_probe: bool,
+    /// A probe goes to the end of its way; else nobody knows where it ends.
+    misses_probes: bool,
     next_element: usize,
     next_event: usize,
 }
@@ -111,6 +115,8 @@ impl MachinePath {
             further_systems: offsets.further_systems,
             further_shift: offsets.further_shift,
             further_at: FurtherAxes::NONE,
+            is_probe: false,
+            misses_probes: false,
             next_element: 0,
             next_event: 0,
         };
@@ -137,6 +143,11 @@ impl MachinePath {
         let (start, offset) = (path.start_of(self.next_element), self.offset());
         self.at = std::array::from_fn(|axis| offset[axis].map(|it| it + start[axis]));
         self.further_at = FurtherAxes::NONE;
+    }
+
+    /// Takes each probe to go to the end of its way.
+    pub(crate) fn miss_probes(&mut self) {
+        self.misses_probes = true;
     }
 
     /// The axes are here now.
@@ -201,7 +212,11 @@ impl MachinePath {
             Arc { center, ..arc }
         });
         let frame = MoveFrame::Work { system: self.system, offset };
-        self.moved(from, arc, element.feed_mm_per_min, element.source, frame, axes)
+        let moved = self.moved(from, arc, element.feed_mm_per_min, element.source, frame, axes);
+        if std::mem::take(&mut self.is_probe) && !self.misses_probes {
+            (0..3).filter(|&axis| axes.contains(axis)).for_each(|axis| self.at[axis] = None);
+        }
+        moved
     }
 
     fn moved(
@@ -286,6 +301,7 @@ impl MachinePath {
             Action::SetWorkOffset { system, axes, origin, by_position } => {
                 self.set_offset(system, axes, origin, by_position);
             }
+            Action::Probe(_) => self.is_probe = true,
             Action::StoreReference { second } => self.references[usize::from(second)] = self.at,
             // Where the switches are is the business of the machine.
             Action::Home { axes } => {

@@ -75,10 +75,12 @@ pub(crate) fn check(
     }
 }
 
-/// Whether axes that move along with a motion of their block have it: the next element, or the
+/// Whether axes that move along with a motion of their block, or a probe, have it: the next element, or the
 /// next action where that takes the words of axes.
 fn has_its_motion(path: &CompensatedPath, found: &PathEvent, next: Option<&PathEvent>) -> bool {
-    let Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) = found.action else {
+    let (Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) | Action::Probe(_)) =
+        found.action
+    else {
         return true;
     };
     match next.filter(|next| next.at_element == found.at_element) {
@@ -89,7 +91,7 @@ fn has_its_motion(path: &CompensatedPath, found: &PathEvent, next: Option<&PathE
                     | Action::SetWorkOffset { .. }
                     | Action::Reference { .. }
             );
-            takes && next.source == found.source
+            takes && next.source == found.source && !matches!(found.action, Action::Probe(_))
         }
         None => path.elements.get(found.at_element).is_some_and(|it| it.source == found.source),
     }

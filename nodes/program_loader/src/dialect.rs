@@ -13,7 +13,7 @@ mod sinumerik_840c;
 
 use crate::block::LexerRules;
 pub(crate) use crate::interpreter::{Cycle, OffsetWord, Spline, StateWord};
-use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
+use cnc_msgs::contour::{CoolantMode, CutterSide, Probe, SpindleMode};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile;
 
@@ -232,6 +232,8 @@ pub(crate) enum Mode {
     Cycle(Cycle),
     /// A curve, or a part of one.
     Spline(Spline),
+    /// A move that a probe ends.
+    Probe(Probe),
 }
 
 /// Where a tool length comes from.

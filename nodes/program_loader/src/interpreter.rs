@@ -18,6 +18,7 @@ mod moves;
 mod offsets;
 mod polar;
 mod polar_words;
+mod probe;
 mod refusals;
 mod request;
 mod saved_state;

@@ -51,7 +51,9 @@ impl Iterator for Lines {
     fn next(&mut self) -> Option<Self::Item> {
         let step = self.0.as_mut()?.next_step()?;
         Some(match step {
-            Ok(EncoderStep::Line(line)) => (line.text, line.source_line),
+            Ok(EncoderStep::Line(line) | EncoderStep::Probe { line, .. }) => {
+                (line.text, line.source_line)
+            }
             Ok(EncoderStep::ToolChange { tool, source_line }) => {
                 (format!("tool change to T{tool}"), source_line)
             }

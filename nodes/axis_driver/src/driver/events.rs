@@ -15,6 +15,8 @@ use std::time::Duration;
 
 /// The alarm of a target outside of the travel.
 const SOFT_LIMIT: u16 = 2;
+/// The alarms of a probe: it touches already, and it touches nowhere.
+const PROBE_FAILS: [u16; 2] = [4, 5];
 
 impl Driver {
     pub(super) fn on_event(&mut self, event: LinkEvent<Origin>) {
@@ -48,12 +50,14 @@ impl Driver {
                 }
             }
             Message::ParserState(words) => self.on_parser_state(&words),
-            Message::Probe { position, further, has_touched } => {
-                if let Phase::Manual(operation) = &mut self.phase {
+            Message::Probe { position, further, has_touched } => match &mut self.phase {
+                Phase::Manual(operation) => {
                     let further = self.context.machine.read_further(&further);
                     operation.on_probe(position, further, has_touched);
                 }
-            }
+                Phase::Running(run) => run.on_probe(position, has_touched),
+                _ => {}
+            },
             _ => {}
         }
     }
@@ -96,7 +100,7 @@ impl Driver {
             Phase::Running(_) | Phase::Stopping(_) => self.end_run_in_alarm(code, &text, next),
             Phase::Manual(operation) => {
                 let is_probe =
-                    matches!(operation.task, Task::Probe { .. }) && matches!(code, 4 | 5);
+                    matches!(operation.task, Task::Probe { .. }) && PROBE_FAILS.contains(&code);
                 let error_code =
                     if is_probe { error_code::PROBE_FAILED } else { error_code::ALARM };
                 self.end_manual(ManualEnd::refused(Refusal::new(error_code, text), next));
@@ -109,8 +113,14 @@ impl Driver {
     fn end_run_in_alarm(&mut self, code: u16, text: &str, next: Next) {
         // A target that cannot be reached is seen when its line is read, all else happens
         // where the tool is.
+        let is_probe = matches!(&self.phase, Phase::Running(run) if run.is_probing());
+        let is_of_line = is_probe || code == SOFT_LIMIT;
+        let error_code = match is_probe && PROBE_FAILS.contains(&code) {
+            true => error_code::PROBE_FAILED,
+            false => error_code::ALARM,
+        };
         let read = match self.context.link.oldest() {
-            Some(Origin::Program { source_line, element, .. }) if code == SOFT_LIMIT => {
+            Some(Origin::Program { source_line, element, .. }) if is_of_line => {
                 Some((*source_line, *element))
             }
             _ => None,
@@ -121,7 +131,7 @@ impl Driver {
             Some((line, element)) => job.place_of_line(line, element),
             None => job.place(),
         };
-        self.end_run(RunVerdict::aborted(error_code::ALARM, format!("{text}, at {place}")), next);
+        self.end_run(RunVerdict::aborted(error_code, format!("{text}, at {place}")), next);
     }
 
     /// A start message has come. The first in a session of a network is only a greeting: grblHAL

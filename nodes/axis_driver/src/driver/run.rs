@@ -9,6 +9,7 @@ mod block;
 pub(super) mod exit;
 pub(super) mod job;
 mod messages;
+mod probe;
 pub(super) mod progress;
 pub(super) mod proof;
 pub(super) mod replan;
@@ -23,13 +24,15 @@ pub(super) mod workplace;
 use super::context::Context;
 use super::context::machine::Machine;
 use crate::cycle_time::CycleTime;
-use crate::encoder::{EncodedLine, Encoder};
+use crate::encoder::{EncodedLine, Encoder, EncoderStep};
 use crate::machine_limits::StoredOffsets;
 use crate::tracker::Tracker;
 use block::BlockOfLine;
+use cnc_msgs::contour::Probe;
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::machine::{MachineState, Mode, WAITING_FOR_RECORDER};
 use job::Job;
+use probe::Probing;
 use proof::Proof;
 use replan::Replan;
 use request::RunRequest;
@@ -61,8 +64,8 @@ pub(super) struct ProgramRun {
     block: Option<BlockOfLine>,
     /// Another path for what is left, which is being proved.
     pub(super) rest: Option<Box<Replan>>,
-    /// A line of the next block, which waits for a resume.
-    next_block: Option<EncodedLine>,
+    /// What comes first of the next block, which waits for a resume.
+    next_block: Option<EncoderStep>,
     /// Events of the path whose messages have been shown.
     shown: usize,
     time: TimeLeft,
@@ -114,6 +117,10 @@ enum Stage {
         source_line: u32,
         is_homed_after: bool,
     },
+    /// The axes move until the probe touches.
+    Probing(Probing),
+    /// It has touched, and the machine stands: what follows is judged from there.
+    Probed,
     /// A block has ended in single block mode.
     BlockEnd(BlockOfLine),
 }
@@ -136,6 +143,12 @@ enum Then {
         tool: u32,
         source_line: u32,
     },
+    Probe {
+        line: EncodedLine,
+        probe: Probe,
+    },
+    /// The probe has touched.
+    Probed,
     /// The axes are home.
     GoOn,
     /// Wait for a resume.
@@ -302,6 +315,7 @@ impl ProgramRun {
                 state.mode = Mode::Home;
                 state.reason = format!("HOME: asked for in line {source_line}");
             }
+            Stage::Probing(probing) => state.reason = probing.reason(),
             // Between two lines, or in a dwell, the controller calls itself idle.
             Stage::Streaming | Stage::Draining(_) | Stage::Settling { .. }
                 if state.mode == Mode::Idle =>

@@ -3,12 +3,12 @@
 use super::words::{to_grid, write_word};
 use super::{
     EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal, PREAMBLE_IN_FRAME,
-    spindle_word,
+    axis_words, spindle_word,
 };
 use crate::link::LineKind;
-use cnc_msgs::contour::{Action, CoolantMode, Source, work_system};
+use cnc_msgs::contour::{Action, CoolantMode, Probe, Source, work_system};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
-use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
 use cnc_msgs::path::{PathEvent, Role};
 
 /// The longest dwell that is sent, s.
@@ -102,6 +102,7 @@ impl Encoder {
                 self.encode_work_offset(system, axes, origin, by_position, source)
             }
             Action::Further(further) => self.encode_further(further, source),
+            Action::Probe(probe) => self.encode_probe(probe, source),
             Action::StoreReference { second } => {
                 let text = if second { "G30.1" } else { "G28.1" };
                 // The firmware writes it to its memory, and hears nothing meanwhile.
@@ -198,6 +199,35 @@ impl Encoder {
         }
         // The firmware writes it to its memory, and hears nothing meanwhile.
         self.push_action(text, LineKind::Slow, true, source)
+    }
+
+    /// The element after it is the way of the probe, and nothing stands in between.
+    fn encode_probe(&mut self, probe: Probe, source: Source) -> Result<(), EncodeProblem> {
+        let index = self.next_element;
+        let is_next = self.path.events.get(self.next_event).is_none_or(|it| it.at_element > index);
+        let element = self.path.elements.get(index).copied();
+        let element = element.filter(|it| {
+            is_next
+                && it.source == source
+                && it.shape == Shape::Line
+                && it.feed_mm_per_min.is_some()
+        });
+        let Some(element) = element else {
+            return Err(EncodeProblem::NoMotion { words: probe.word().into() });
+        };
+        self.next_element += 1;
+        let start = self.path.start_of(index);
+        self.check_ends(start, element.end)?;
+        let (axes, words) = axis_words(element.axes, start, element.end);
+        let mut text = self.line_number(index) + probe.word() + &words;
+        self.write_feed(&mut text, element.feed_mm_per_min)?;
+        self.modal.motion = None;
+        self.modal.forget(axes, probe.word());
+        self.push_motion(text, LineKind::Slow, index, &element)?;
+        if let Some(EncoderStep::Line(line)) = self.pending.pop_back() {
+            self.pending.push_back(EncoderStep::Probe { line, probe });
+        }
+        Ok(())
     }
 
     fn encode_coolant(&mut self, mode: CoolantMode, source: Source) -> Result<(), EncodeProblem> {

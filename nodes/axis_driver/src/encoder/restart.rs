@@ -179,12 +179,16 @@ impl KnownPlace {
         let untouched = AxisSet::ALL.without(path.assumed_axes);
         let mut place = Self { untouched, ..Self::default() };
         let mut next_event = 0;
+        let mut probe = None;
         for (number, element) in path.elements.iter().enumerate().take(index + 1) {
             while let Some(event) = path.events[..events].get(next_event)
                 && event.at_element <= number
             {
                 next_event += 1;
                 place.follow(&event.action);
+                if let Action::Probe(it) = event.action {
+                    probe = Some(it);
+                }
             }
             if number < index {
                 let start = path.start_of(number);
@@ -192,6 +196,10 @@ impl KnownPlace {
                 let given = moved.fold(element.axes, AxisSet::with);
                 place.unknown = place.unknown.without(given);
                 place.untouched = place.untouched.without(given);
+                if let Some(probe) = probe.take() {
+                    place.unknown = place.unknown.union(given);
+                    place.since = probe.word().to_owned();
+                }
             }
         }
         place

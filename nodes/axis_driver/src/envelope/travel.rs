@@ -223,7 +223,7 @@ impl TravelCheck {
             report.not_judged.push(text);
         }
         for moves in &self.unplaced {
-            report.not_judged.push(format!("{moves}: its stored position is not known"));
+            report.not_judged.push(format!("{moves}: where they are in the machine is known only in the run"));
         }
     }
 }

@@ -30,6 +30,8 @@ pub(crate) struct Emitter {
     pub position: Position,
     /// Axes that the controller has already been sent, so that repeating them has no effect.
     sent: AxisSet,
+    /// The next element is the motion of a probe: where it ends is not known.
+    probes: bool,
     /// The last feed of any element.
     pub last_feed_mm_per_min: Option<f64>,
     /// Lines whose elements end in an exact stop, in order.
@@ -45,6 +47,7 @@ impl Emitter {
             path,
             position: start,
             sent: AxisSet::NONE,
+            probes: false,
             last_feed_mm_per_min: None,
             exact_stops: Vec::new(),
             side: None,
@@ -61,9 +64,13 @@ impl Emitter {
     /// Writes an action where the tool is.
     pub(crate) fn action(&mut self, action: Action, source: Source) {
         match action {
-            // The next element is written even where it stays: these axes move with it.
+            // The next element is written even where it stays: it is more than its motion.
             Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) => {
                 self.sent = AxisSet::NONE;
+            }
+            Action::Probe(_) => {
+                self.sent = AxisSet::NONE;
+                self.probes = true;
             }
             // From here on positions have another meaning.
             Action::Reference { .. }
@@ -175,6 +182,9 @@ impl Emitter {
             source: label.source,
         });
         self.position = end;
+        if std::mem::take(&mut self.probes) {
+            self.sent = AxisSet::NONE;
+        }
         if !self.exact_stops.is_empty()
             && self.exact_stops.binary_search(&label.source.line).is_ok()
         {

@@ -209,6 +209,7 @@ impl Rules<'_> {
             | Action::SetWorkOffset { .. }
             | Action::Reference { .. }
             | Action::MachineMove { .. }
+            | Action::Probe(_)
             | Action::ChangeTool { .. } => self.permit(
                 always,
                 source,
@@ -269,6 +270,7 @@ fn name(action: &Action) -> String {
         Action::Reference { .. } => "a move to the reference point".into(),
         Action::MachineMove { .. } => "a move in machine coordinates".into(),
         Action::SetWorkOffset { .. } => "a change of a work offset".into(),
+        Action::Probe(_) => "a probe".into(),
         _ => action.text(),
     }
 }

@@ -5,7 +5,7 @@ use super::{
     Mode, OffsetWord, Spline, StateWord, Units,
 };
 use crate::block::LexerRules;
-use cnc_msgs::contour::{CoolantMode, CutterSide, SpindleMode};
+use cnc_msgs::contour::{CoolantMode, CutterSide, Probe, SpindleMode};
 use cnc_msgs::geometry::Plane;
 
 pub(super) static DIALECT: Dialect = Dialect {
@@ -75,6 +75,10 @@ fn g(tenths: u16) -> GWord {
         811..=899 if !tenths.is_multiple_of(10) => GWord::Unknown,
         870 => GWord::RefusedMotion("write the hole as moves; LinuxCNC does not document it"),
         880 => GWord::Motion(Mode::Cycle(Cycle::BoreAndWait)),
+        382 => GWord::Motion(Mode::Probe(Probe { away: false, may_miss: false })),
+        383 => GWord::Motion(Mode::Probe(Probe { away: false, may_miss: true })),
+        384 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: false })),
+        385 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: true })),
         760 => GWord::RefusedMotion(THREAD),
         930 => GWord::FeedMode(FeedMode::InverseTime),
         940 => GWord::FeedMode(FeedMode::PerMinute),

@@ -147,6 +147,7 @@ impl Interpreter<'_> {
                 let what = match mode {
                     Mode::Arc { .. } => "an arc",
                     Mode::Cycle(_) => "a drilling cycle",
+                    Mode::Probe(_) => "a probe",
                     _ => "a curve",
                 };
                 let message = format!("{letters} cannot move in {what}");

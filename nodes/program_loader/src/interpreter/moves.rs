@@ -99,8 +99,12 @@ impl Interpreter<'_> {
             return;
         }
         if !has_axes && !has_circle && !has_polar {
-            if let Some((GWord::Motion(Mode::Cycle(cycle)), at)) = word {
-                self.cycle_without_axes(scene, cycle, at);
+            match word {
+                Some((GWord::Motion(Mode::Cycle(cycle)), at)) => {
+                    self.cycle_without_axes(scene, cycle, at);
+                }
+                Some((GWord::Motion(Mode::Probe(_)), at)) => self.probe_without_axes(scene, at),
+                _ => {}
             }
             return;
         }
@@ -130,6 +134,7 @@ impl Interpreter<'_> {
             Some(Mode::Feed) => self.straight(scene, MotionClass::Feed, from),
             Some(Mode::Arc { clockwise }) => self.arc(scene, clockwise),
             Some(Mode::Cycle(cycle)) => self.cycle(scene, cycle),
+            Some(Mode::Probe(probe)) => self.probe(scene, probe),
             // They have been followed above.
             Some(Mode::Spline(_)) => {}
             Some(Mode::Polar { rapid }) => {
@@ -334,7 +339,13 @@ impl Interpreter<'_> {
             .filter(|&axis| unknown.contains(axis))
             .map(|axis| AXIS_LETTERS[axis].to_string())
             .collect();
-        let help = format!("move {} with G90 and G0 or G1 before it", named.join(" and "));
+        let named = named.join(" and ");
+        let help = match word.starts_with("G38") {
+            true => format!(
+                "move {named} with G90 and G0 or G1 before it; to count from where the probe touched, write G10 L20 P0 {named}0 after the probe, then G90"
+            ),
+            false => format!("move {named} with G90 and G0 or G1 before it"),
+        };
         let mut finding = Finding::error(Code::Axes, self.source, message).help(help);
         finding.other = Some(source);
         scene.findings.push(finding);

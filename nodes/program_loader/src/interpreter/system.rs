@@ -17,7 +17,7 @@ type Value = Option<Result<f64, Trouble>>;
 /// Parameters of the machine, by their numbers, that a plan cannot know.
 const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 7] = [
     (5021..=5029, "a position in machine coordinates, which is known only while the machine runs"),
-    (5061..=5070, "the result of a probe, and no probe has been run"),
+    (5061..=5070, "the result of a probe, which is known only while the machine runs"),
     (5081..=5089, "a tool length, which the loader does not know"),
     (
         5161..=5199,
@@ -177,6 +177,7 @@ impl Interpreter<'_> {
             Some(Mode::Arc { clockwise: false }) => 30.0,
             Some(Mode::Cycle(cycle)) => f64::from(cycle.number()) * 10.0,
             Some(Mode::Spline(spline)) => spline.number(),
+            Some(Mode::Probe(probe)) => 380.0 + f64::from(probe.number()),
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::driver::context::Context;
 use crate::encoder::DEGREES_MAX;
 use crate::encoder::words::{to_grid, write_word};
 use crate::link::LineKind;
+use cnc_msgs::contour::Probe;
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use serde::{Deserialize, Serialize};
@@ -156,12 +157,7 @@ impl Order {
         refuse_further("probe", request.axes, request.further, is_tool_awaited)?;
         let axes = (request.axes, request.distance, request.further);
         let words = move_words(context, axes, request.feed_mm_per_min)?;
-        let word = match (request.away, request.may_miss) {
-            (false, false) => "G38.2",
-            (false, true) => "G38.3",
-            (true, false) => "G38.4",
-            (true, true) => "G38.5",
-        };
+        let word = Probe { away: request.away, may_miss: request.may_miss }.word();
         let task = Task::Probe { may_miss: request.may_miss, touch: None };
         Ok(Self::new(task, LineKind::Slow, [format!("G21G91G94{word}{words}")]))
     }

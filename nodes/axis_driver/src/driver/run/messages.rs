@@ -6,6 +6,7 @@
 use super::ProgramRun;
 use crate::driver::context::{Context, Origin};
 use crate::driver::output::LogLevel;
+use crate::encoder::EncoderStep;
 use cnc_msgs::contour::Action;
 use cnc_msgs::path::{CompensatedPath, PathEvent};
 
@@ -64,8 +65,8 @@ impl ProgramRun {
     fn events_answered(&self, context: &Context) -> usize {
         let waiting = match (context.link.oldest(), &self.next, &self.next_block) {
             (Some(Origin::Program { events, .. }), ..) => Some(*events),
-            (_, Some(super::Pending::Line(line)), _) | (_, _, Some(line)) => Some(line.events),
-            _ => None,
+            (_, Some(super::Pending::Line(line)), _) => Some(line.events),
+            (_, _, step) => step.as_ref().and_then(EncoderStep::line).map(|line| line.events),
         };
         waiting.unwrap_or_else(|| self.encoder.events_begun())
     }

@@ -190,6 +190,8 @@ impl ProgramRun {
         context.machine.work_system = work_system.or(context.machine.work_system);
         match &origin {
             Origin::Preamble => self.watch_answer(context, PREAMBLE),
+            // The watch does not know the line of a probe.
+            Origin::Program { .. } if self.is_probing() => {}
             Origin::Program { text, .. } => self.watch_answer(context, text),
             _ => {}
         }
@@ -202,6 +204,12 @@ impl ProgramRun {
                     false => Stage::Positioning { until: context.now + WORK_POSITION },
                 };
                 context.link.ask_status(context.now);
+            }
+            (Origin::Program { element, .. }, Stage::Probing(_)) => {
+                if let Some(element) = element {
+                    self.job.tracker.on_answer(element);
+                }
+                return self.end_probe(context);
             }
             (Origin::Program { element: Some(element), .. }, _) => {
                 self.job.tracker.on_answer(element);
@@ -254,8 +262,10 @@ impl ProgramRun {
                 }
                 self.stage = Stage::Streaming;
             }
-            Stage::Settling { then: Then::GoOn | Then::ControllerChange { .. }, .. }
-                if !is_idle => {}
+            Stage::Settling {
+                then: Then::GoOn | Then::Probed | Then::ControllerChange { .. },
+                ..
+            } if !is_idle => {}
             Stage::Settling { .. } if context.machine.is_state(&ControllerState::Run) => {
                 let text = "the controller has answered every line and still moves: an answer \
                             came twice";
@@ -297,6 +307,8 @@ impl ProgramRun {
                 context.link.ask_status(context.now);
             }
             Then::BlockEnd(block) => self.stage = Stage::BlockEnd(block),
+            Then::Probe { line, probe } => self.begin_probe(context, line, probe),
+            Then::Probed => self.judge_from_probe(context),
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
             Then::Home { text, axes, source_line } => {
                 let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;

@@ -53,7 +53,7 @@ impl Proof {
                 break;
             }
             match self.encoder.next_step() {
-                Some(Ok(EncoderStep::Line(_))) => self.lines += 1,
+                Some(Ok(EncoderStep::Line(_) | EncoderStep::Probe { .. })) => self.lines += 1,
                 Some(Ok(
                     EncoderStep::ToolChange { .. }
                     | EncoderStep::Home { .. }
@@ -132,7 +132,9 @@ pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) ->
     let mut more = 0;
     while let Some(Ok(step)) = encoder.next_step() {
         let line = match step {
-            EncoderStep::Line(EncodedLine { element: Some(_), .. }) => break,
+            EncoderStep::Line(EncodedLine { element: Some(_), .. }) | EncoderStep::Probe { .. } => {
+                break;
+            }
             EncoderStep::Line(line) => line.text,
             EncoderStep::Home { text, .. } => text,
             EncoderStep::ToolChange { tool, .. } => format!("the change to T{tool}"),

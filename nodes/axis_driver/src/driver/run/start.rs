@@ -85,17 +85,25 @@ impl ProgramRun {
         self.judged_again.is_some()
     }
 
-    /// Judges a slice of it; the first words of the run follow at its end.
+    /// Judges a slice of it; the first words of the run follow at its end, or what comes after a probe.
     pub(super) fn step_judgement(&mut self, context: &mut Context) -> Option<Exit> {
         let workplace = self.judged_again.as_mut()?;
-        self.stage = Stage::Preparing { until: context.now + ANSWER };
+        let has_begun = matches!(self.stage, Stage::Probed);
+        if !has_begun {
+            self.stage = Stage::Preparing { until: context.now + ANSWER };
+        }
         if !workplace.step(&self.job.request.path) {
             return None;
         }
         let refusal = workplace.refusal(context);
         self.judged_again = None;
         match refusal {
+            Some(refusal) if has_begun => Some(Exit::Stop(refusal.into())),
             Some(refusal) => Some(Exit::over(refusal.into())),
+            None if has_begun => {
+                self.go_on();
+                None
+            }
             None => {
                 self.send_preamble(context);
                 None

@@ -27,51 +27,58 @@ impl ProgramRun {
             if self.next.is_none() && matches!(self.stage, Stage::Streaming) {
                 let resumed = self.next_block.take();
                 let step = match resumed {
-                    Some(line) => Some(Ok(EncoderStep::Line(line))),
+                    Some(step) => Some(Ok(step)),
                     None => self.encoder.next_step(),
                 };
-                let then = match step {
-                    Some(Ok(EncoderStep::Line(line))) => {
-                        let block = BlockOfLine::of(&line);
-                        let last = self.block.replace(block);
-                        match last {
-                            Some(last) if is_single_block && last.ends_before(&block) => {
-                                // It is looked at again after the resume, as if it were the first.
-                                self.block = None;
-                                self.next_block = Some(line);
-                                Then::BlockEnd(last)
-                            }
-                            _ => {
-                                self.next = Some(Pending::Line(line));
-                                continue;
-                            }
-                        }
+                let ended = match &step {
+                    Some(Ok(step)) => self.block_before(step).filter(|_| is_single_block),
+                    _ => None,
+                };
+                let then = match (step, ended) {
+                    (Some(Ok(step)), Some(last)) => {
+                        // It is looked at again after the resume, as if it were the first.
+                        self.block = None;
+                        self.next_block = Some(step);
+                        Then::BlockEnd(last)
                     }
-                    // Nothing moves in check mode, and nobody changes a tool.
-                    Some(Ok(
-                        EncoderStep::Home { .. }
-                        | EncoderStep::ToolChange { .. }
-                        | EncoderStep::ControllerChange { .. }
-                        | EncoderStep::CheckStart,
-                    )) if is_check => {
+                    (Some(Ok(EncoderStep::Line(line))), None) => {
+                        self.next = Some(Pending::Line(line));
                         continue;
                     }
-                    Some(Ok(EncoderStep::Home { text, axes, source_line })) => {
+                    // Nothing moves in check mode, and nobody changes a tool.
+                    (
+                        Some(Ok(
+                            EncoderStep::Home { .. }
+                            | EncoderStep::ToolChange { .. }
+                            | EncoderStep::ControllerChange { .. }
+                            | EncoderStep::Probe { .. }
+                            | EncoderStep::CheckStart,
+                        )),
+                        _,
+                    ) if is_check => {
+                        continue;
+                    }
+                    (Some(Ok(EncoderStep::Home { text, axes, source_line })), _) => {
                         Then::Home { text, axes, source_line }
                     }
-                    Some(Ok(EncoderStep::ToolChange { tool, source_line })) => {
+                    (Some(Ok(EncoderStep::ToolChange { tool, source_line })), _) => {
                         // Whoever confirms it has seen the machine stand.
                         self.block = None;
                         Then::ToolChange { tool, source_line }
                     }
-                    Some(Ok(EncoderStep::ControllerChange { tool, source_line })) => {
+                    (Some(Ok(EncoderStep::ControllerChange { tool, source_line })), _) => {
                         self.block = None;
                         Then::ControllerChange { tool, source_line }
                     }
-                    Some(Ok(EncoderStep::CheckStart)) => Then::CheckStart,
-                    Some(Ok(EncoderStep::CheckReturn { stood })) => Then::CheckReturn { stood },
-                    None => Then::End,
-                    Some(Err(problem)) => {
+                    (Some(Ok(EncoderStep::Probe { line, probe })), _) => {
+                        Then::Probe { line, probe }
+                    }
+                    (Some(Ok(EncoderStep::CheckStart)), _) => Then::CheckStart,
+                    (Some(Ok(EncoderStep::CheckReturn { stood })), _) => {
+                        Then::CheckReturn { stood }
+                    }
+                    (None, _) => Then::End,
+                    (Some(Err(problem)), _) => {
                         let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
                         return Some(Exit::abort(code, text));
                     }
@@ -108,5 +115,11 @@ impl ProgramRun {
                 }
             }
         }
+    }
+
+    /// Takes the block of what is sent next; gives the one before it, if that ends there.
+    fn block_before(&mut self, step: &EncoderStep) -> Option<BlockOfLine> {
+        let block = BlockOfLine::of(step.line()?);
+        self.block.replace(block).filter(|last| last.ends_before(&block))
     }
 }

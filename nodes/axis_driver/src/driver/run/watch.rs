@@ -167,7 +167,7 @@ impl ProgramRun {
         }
         let at = context.machine.machine_position();
         let further = context.machine.further_machine();
-        if matches!(then, Then::GoOn | Then::ControllerChange { .. }) {
+        if matches!(then, Then::GoOn | Then::Probed | Then::ControllerChange { .. }) {
             let frame = context.machine.frame();
             if let Some(watch) = &mut self.watch.watch {
                 watch.begin_again(Some(frame), at, further);
@@ -181,7 +181,7 @@ impl ProgramRun {
         let has_place = context.machine.shown.has_machine_position;
         let believed = if has_place { further } else { FurtherAxes::NONE };
         let Some(deviation) = watch.judge_end(at, believed) else {
-            if matches!(then, Then::Home { .. }) {
+            if matches!(then, Then::Home { .. } | Then::Probe { .. }) {
                 watch.forget_words();
             }
             return EndOfLines::There;

@@ -71,7 +71,19 @@ impl WorkplaceCheck {
         first_element: usize,
     ) -> Option<Self> {
         let mut check = Self::begin(context, request, first_element)?;
-        check.envelope.go_on_with(&request.path, &check.offsets);
+        check.envelope.go_on_with(&request.path, &check.offsets, None);
+        Some(check)
+    }
+
+    /// The same where the path does not say where the tool is: it is where it stands.
+    pub(in crate::driver) fn begin_from_here(
+        context: &mut Context,
+        request: &RunRequest,
+        first_element: usize,
+    ) -> Option<Self> {
+        let mut check = Self::begin(context, request, first_element)?;
+        let here = context.machine.machine_position();
+        check.envelope.go_on_with(&request.path, &check.offsets, here);
         Some(check)
     }
 

@@ -1,0 +1,266 @@
+//! Probes of a program: the run goes on from where they touch, and from nowhere else.
+
+use axis_driver::codes::error_code;
+use axis_driver::driver::{
+    CheckTravel, Command, DriverConfig, OffsetRequest, RunOutcome, RunRequest,
+};
+use axis_driver::encoder::{EncoderConfig, start_at};
+use cnc_msgs::finding::Finding;
+use cnc_msgs::further::FurtherAxes;
+use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::machine::Mode;
+use cnc_msgs::path::{CompensatedPath, StartInSpan};
+use kerf_tests::line::Line;
+use kerf_tests::planned;
+use std::sync::Arc;
+use virtual_controller::{Build, Firmware, Settings};
+
+const START: [f64; 3] = [-300.0, -200.0, -50.0];
+
+/// Touches the part, makes its top the zero, and cuts.
+const TOUCH_OFF: &str = "G21 G90 G94 G54
+G0 Z2
+G38.2 Z-30 F100
+G10 L20 P1 Z0
+G0 Z5
+G0 X20 Y10
+G1 Z-2 F600
+G1 X40
+G0 Z10
+M2
+";
+
+#[track_caller]
+fn path(program: &str) -> CompensatedPath {
+    planned(program).unwrap_or_else(|findings| panic!("{program}: {findings:#?}"))
+}
+
+/// A machine whose work zero is where it stands, above a part with its top at this height.
+fn machine(firmware: Firmware, top: f64) -> Line {
+    let (start_in_machine, probe_surface_z_mm) = (Some(START), Some(top));
+    let settings = Settings::small_router_of(firmware);
+    let build = Build { start_in_machine, probe_surface_z_mm, ..Build::new(settings) };
+    let mut line = Line::connected(build);
+    line.zero_here();
+    line
+}
+
+fn near(line: &Line, at: [f64; 3]) -> bool {
+    line.axes().iter().zip(at).all(|(is, at)| (is - at).abs() < 0.03)
+}
+
+fn has_said(line: &Line, text: &str) -> bool {
+    line.log.iter().any(|said| said.contains(text))
+}
+
+#[test]
+fn a_run_goes_on_from_where_its_probe_has_touched() {
+    for firmware in Firmware::ALL {
+        let mut line = machine(firmware, -62.0);
+        let then = line.now;
+        let result = line.run(path(TOUCH_OFF));
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {result:?}");
+        // Z0 is the top of the part now.
+        assert!(near(&line, [-260.0, -190.0, -52.0]), "{firmware}: {:?}", line.axes());
+        let said = "line 3: the probe touched at X-300.000 Y-200.000 Z-62.0";
+        assert!(has_said(&line, said), "{firmware}: {:#?}", line.log);
+        let sent = line.said_since(then);
+        let lines: Vec<&str> = sent.lines().filter(|line| line.contains("G38.2")).collect();
+        assert_eq!(lines.len(), 1, "{firmware}: {sent}");
+        assert!(lines[0].ends_with("G38.2Z-30F100"), "{firmware}: {sent}");
+        assert!(!has_said(&line, "PATH_DEVIATION"), "{firmware}: {:#?}", line.log);
+    }
+}
+
+#[test]
+fn a_line_that_names_a_place_again_after_a_probe_is_sent() {
+    let mut line = machine(Firmware::GrblHal, -62.0);
+    let then = line.now;
+    let program = "G21 G90\nG1 Z-5 F600\nG38.3 Z-8\nG1 Z-8\nG38.2 Z-30 F100\nG1 Z-30\nX5\nM2\n";
+    let result = line.run(path(program));
+    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
+    let sent = line.said_since(then);
+    assert!(sent.contains("G38.3Z-8") && sent.contains("G1Z-8"), "{sent}");
+    assert!(near(&line, [-295.0, -200.0, -80.0]), "{:?}", line.axes());
+    assert!(has_said(&line, "line 3: the probe touched nowhere on the way"), "{:#?}", line.log);
+}
+
+#[test]
+fn a_probe_that_fails_ends_the_run_with_its_line() {
+    for (top, program, said) in [
+        (-90.0, TOUCH_OFF, "line 3"),
+        // It touches before it moves.
+        (-40.0, TOUCH_OFF, "line 3"),
+        // It touches nothing that it could leave.
+        (-90.0, "G21 G90\nG1 Z-5 F600\nG38.4 Z5 F100\nG0 X5\nM2\n", "line 3"),
+    ] {
+        for firmware in Firmware::ALL {
+            let mut line = machine(firmware, top);
+            let result = line.run(path(program));
+            let found = (result.outcome, result.error_code);
+            let failed = (RunOutcome::Aborted, error_code::PROBE_FAILED);
+            assert_eq!(found, failed, "{firmware}: {result:?}");
+            assert!(result.message.contains(said), "{firmware}: {result:?}");
+            assert_eq!(result.blamed_line, 3, "{firmware}: {result:?}");
+            let stood = line.axes();
+            line.wait(5.0);
+            assert_eq!(line.axes(), stood, "{firmware}: nothing moves afterwards");
+        }
+    }
+}
+
+#[test]
+fn a_probe_whose_result_is_lost_ends_the_run() {
+    let mut line = machine(Firmware::Grbl, -62.0);
+    line.start(path(TOUCH_OFF), 0);
+    line.until("it probes", |line| line.state().reason.starts_with("PROBE"));
+    line.inject("mute:PRB");
+    let result = line.result();
+    assert_eq!(result.error_code, error_code::PROBE_FAILED, "{result:?}");
+    assert!(result.message.contains("did not say where the probe touched"), "{result:?}");
+}
+
+#[test]
+fn a_probe_is_held_resumed_and_canceled() {
+    for firmware in Firmware::ALL {
+        let mut line = machine(firmware, -62.0);
+        line.start(path(TOUCH_OFF), 0);
+        line.until("it probes", |line| line.state().reason.starts_with("PROBE: G38.2 in line 3"));
+        line.wait(2.0);
+        line.ask(Command::FeedHold).expect("it holds");
+        line.until("a hold", |line| line.mode() == Mode::Hold);
+        let stood = line.axes();
+        line.wait(3.0);
+        assert_eq!(line.axes(), stood, "{firmware}");
+        while !line.ask_resume() {}
+        let result = line.result();
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {result:?}");
+        assert!(near(&line, [-260.0, -190.0, -52.0]), "{firmware}: {:?}", line.axes());
+
+        let mut line = machine(firmware, -62.0);
+        line.start(path(TOUCH_OFF), 0);
+        line.until("it probes", |line| line.state().reason.starts_with("PROBE"));
+        line.wait(2.0);
+        line.ask(Command::CancelRun { run: None }).expect("it is canceled");
+        let result = line.result();
+        assert_eq!(result.outcome, RunOutcome::Canceled, "{firmware}: {result:?}");
+        line.until("it stands", |line| line.mode() == Mode::Idle);
+        assert!(line.axes()[2] > -61.0, "{firmware}: {:?}", line.axes());
+    }
+}
+
+#[test]
+fn a_machine_that_stops_after_each_block_stops_before_a_probe_and_after_it() {
+    let mut line = machine(Firmware::GrblHal, -62.0);
+    line.ask(Command::SetSingleBlock(true)).expect("it is set");
+    line.start(path(TOUCH_OFF), 0);
+    for (line_number, z) in [(1, -50.0), (2, -48.0), (3, -62.0), (4, -62.0), (5, -57.0)] {
+        let reason = format!("SINGLE_BLOCK: resume to go on (line {line_number})");
+        line.until(&reason, |line| line.state().reason == reason);
+        assert!((line.axes()[2] - z).abs() < 0.03, "line {line_number}: {:?}", line.axes());
+        while !line.ask_resume() {}
+    }
+}
+
+#[test]
+fn a_line_that_is_damaged_after_a_probe_is_held() {
+    let mut line = machine(Firmware::GrblHal, -62.0);
+    line.start(path(TOUCH_OFF), 0);
+    line.spoil_next(|bytes| {
+        let text = String::from_utf8_lossy(bytes);
+        text.contains("X20Y10").then(|| text.replace("X20Y10", "X29Y10").into_bytes())
+    });
+    line.until("a hold", |line| line.mode() == Mode::Hold);
+    let reason = line.state().reason;
+    assert!(reason.contains("PATH_DEVIATION"), "{reason}");
+}
+
+#[test]
+fn what_follows_a_probe_is_judged_where_it_has_touched() {
+    let mut settings = Settings::small_router();
+    settings.set_line("$22=1").expect("a setting");
+    let config = DriverConfig { check_travel: CheckTravel::Refuse, ..DriverConfig::default() };
+    let build = Build { probe_surface_z_mm: Some(-80.0), ..Build::new(settings) };
+    let mut line = Line::new(config, build, &[]);
+    line.until("locked or idle", |line| matches!(line.mode(), Mode::Alarm | Mode::Idle));
+    line.ask(Command::Home).expect("it homes");
+    let (axes, position) = (AxisSet::ALL, [-300.0, -200.0, -20.0]);
+    let further = FurtherAxes::NONE;
+    let request = OffsetRequest { further, system: 1, axes, position, is_origin: true };
+    line.ask(Command::SetWorkOffset(request)).expect("the zero is set");
+    let to = |depth: i32| {
+        format!(
+            "G21 G90 G94 G54\nG0 Z2\nG0 X0 Y0\nG38.2 Z-70 F600\nG10 L20 P1 Z0\nG0 Z5\nG1 Z-{depth} F600\nG0 Z5\nM2\n"
+        )
+    };
+    // The travel ends at -100. From where the probe may go to at most, even 12 mm would be too much.
+    let result = line.run(path(&to(12)));
+    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
+    line.ask(Command::SetWorkOffset(request)).expect("the zero is set");
+    line.finished = None;
+    let result = line.run(path(&to(25)));
+    assert_eq!((result.outcome, result.error_code), (RunOutcome::Aborted, error_code::TRAVEL));
+    assert!(result.message.starts_with("line 7"), "{result:?}");
+    assert!((line.axes()[2] - -80.0).abs() < 0.5, "it stays where it touched: {:?}", line.axes());
+}
+
+#[test]
+fn in_a_check_nothing_is_probed() {
+    let mut line = machine(Firmware::Grbl, -62.0);
+    let request = RunRequest {
+        program_id: "part".into(),
+        revision: 1,
+        path: Arc::new(path(TOUCH_OFF)),
+        start_line: 0,
+        occurrence: 0,
+        in_span: StartInSpan::default(),
+        check_only: true,
+        tool_diameters_mm: Default::default(),
+    };
+    let then = line.now;
+    let answer = line.ask(Command::RunProgram(request)).expect("it can be sent");
+    line.wait(2.0);
+    assert!(!line.said_since(then).contains("G38"), "{answer}");
+    assert!(near(&line, START), "{:?}", line.axes());
+}
+
+#[test]
+fn a_run_begins_after_a_probe_only_where_the_program_says_where() {
+    let start = |program: &str, line| {
+        let config = EncoderConfig::default();
+        start_at(Arc::new(path(program)), config, (line, 0), StartInSpan::Refused).map(|_| ())
+    };
+    let refusal = start(TOUCH_OFF, 6).expect_err("it is refused").to_string();
+    assert!(refusal.contains("G10 L20") && refusal.contains("begin before it"), "{refusal}");
+    let program = "G21 G90\nG0 X0 Y0 Z5\nG38.2 Z-30 F100\nG1 X5 F600\nG0 Z5\nG1 X20\nM2\n";
+    let refusal = start(program, 4).expect_err("it is refused").to_string();
+    assert!(refusal.contains("Z has not been given since G38.2"), "{refusal}");
+    start(program, 6).expect("Z is given");
+}
+
+#[test]
+fn what_depends_on_the_result_of_a_probe_is_refused_with_its_place() {
+    let probe = "G21 G90 F100\nG0 X0 Y0 Z5\nG38.2 Z-30\n";
+    for (after, said) in [
+        ("G91 G0 Z5", "starts from where Z is, which is not known since G38.2 in line 3"),
+        ("G92 Z0", "not known since G38.2 in line 3"),
+        ("#1=#5063", "is the result of a probe, which is known only while the machine runs"),
+        ("G0 Z#<_z>", "Z"),
+        ("G38.2 X5 A5", "A cannot move in a probe"),
+        ("G38.2", "G38.2 without X, Y or Z"),
+        ("G38.2 X0 Y0", "G38.2 ends where it begins"),
+        ("G93 G38.2 X5 F1", "G93 is in force"),
+        ("G38.2 X5 F0", "needs a feed rate"),
+        ("G38.6 X5", "G38.6"),
+        ("T1 M6\nG41 D1 G1 X10 Y10\nG38.2 X20", "under cutter radius compensation"),
+    ] {
+        let program = format!("{probe}{after}\nM2\n");
+        let findings: Vec<Finding> = planned(&program).expect_err(after);
+        let first = &findings[0];
+        assert!(first.source.line >= 4, "{after}: {findings:#?}");
+        assert!(first.message.contains(said), "{after}: {findings:#?}");
+    }
+    // And what is said to do instead does it.
+    let remedy = "G10 L20 P0 Z0\nG90 G0 Z5";
+    planned(&format!("{probe}{remedy}\nM2\n")).expect("it is known then");
+}
