@@ -73,6 +73,24 @@ fn a_run_goes_on_from_where_its_probe_has_touched() {
 }
 
 #[test]
+fn a_zero_that_is_set_where_a_probe_has_touched_says_where_the_tool_is() {
+    for firmware in Firmware::ALL {
+        let mut line = machine(firmware, -62.0);
+        let then = line.now;
+        // A plate of 15 mm lies on the part.
+        let program = "G21 G90\nG0 X0 Y0 Z2\nG38.2 Z-30 F100\nG10 L20 P1 Z15\nG91 G0 Z5\nX20\nG2 X10 I5\n\
+                       G90 G18 G2 X40 Z20 I5\nG92 Z0\nG0 Z5\nM2\n";
+        let result = line.run(path(program));
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {result:?}");
+        assert!(near(&line, [-260.0, -200.0, -52.0]), "{firmware}: {:?}", line.axes());
+        let sent = line.said_since(then);
+        let after = sent.split_once("G10L20P1Z15\n").expect("the zero is set").1;
+        assert!(after.starts_with("G0Z20\n"), "{firmware}: {sent}");
+        assert!(!has_said(&line, "PATH_DEVIATION"), "{firmware}: {:#?}", line.log);
+    }
+}
+
+#[test]
 fn a_line_that_names_a_place_again_after_a_probe_is_sent() {
     let mut line = machine(Firmware::GrblHal, -62.0);
     let then = line.now;
@@ -106,6 +124,17 @@ fn a_probe_that_fails_ends_the_run_with_its_line() {
             line.wait(5.0);
             assert_eq!(line.axes(), stood, "{firmware}: nothing moves afterwards");
         }
+    }
+}
+
+#[test]
+fn a_probe_may_take_minutes() {
+    for firmware in Firmware::ALL {
+        let mut line = machine(firmware, -62.0);
+        let then = line.now;
+        let result = line.run(path("G21 G90\nG38.2 Z-30 F4\nG10 L20 P1 Z0\nG0 Z5\nM2\n"));
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {result:?}");
+        assert!((line.now - then).as_secs() > 170, "{firmware}");
     }
 }
 
@@ -249,7 +278,8 @@ fn what_depends_on_the_result_of_a_probe_is_refused_with_its_place() {
         ("G38.2 X5 A5", "A cannot move in a probe"),
         ("G38.2", "G38.2 without X, Y or Z"),
         ("G38.2 X0 Y0", "G38.2 ends where it begins"),
-        ("G93 G38.2 X5 F1", "G93 is in force"),
+        ("G93 G38.2 X5 F1", "G94 is not in force"),
+        ("G95 S100\nG38.2 X5 F1", "G94 is not in force"),
         ("G38.2 X5 F0", "needs a feed rate"),
         ("G38.6 X5", "G38.6"),
         ("T1 M6\nG41 D1 G1 X10 Y10\nG38.2 X20", "under cutter radius compensation"),
@@ -261,6 +291,10 @@ fn what_depends_on_the_result_of_a_probe_is_refused_with_its_place() {
         assert!(first.message.contains(said), "{after}: {findings:#?}");
     }
     // And what is said to do instead does it.
-    let remedy = "G10 L20 P0 Z0\nG90 G0 Z5";
-    planned(&format!("{probe}{remedy}\nM2\n")).expect("it is known then");
+    for remedy in ["G10 L20 P0 Z0\nG91 G0 Z5", "G0 Z5\nG91 Z5", "G10 L20 P0 Z0\nG92 Z1\nG0 Z#<_z>"]
+    {
+        planned(&format!("{probe}{remedy}\nM2\n")).expect("it is known then");
+    }
+    let other = format!("{probe}G10 L20 P2 Z0\nG91 G0 Z5\nM2\n");
+    planned(&other).expect_err("the zero of another work system says nothing of this one");
 }

@@ -389,7 +389,7 @@ fn parameters_begin_with_the_values_of_a_parameter_file() {
                 "G0 X1\nG28.1\n(DEBUG, #5161)\nG10 L20 P1 X0\n(DEBUG, #5221)\nM2",
                 "5161 3\n5221 4",
             ),
-            "rapid X1 Y0 Z0 named X; G28.1; (MSG, ######); G10 L20 P1 X0; (MSG, ######); M2",
+            "rapid X1 Y0 Z0 named X; G28.1; (MSG, ######); G10 L20 P1 X0; rapid X0 Y0 Z0 named X; (MSG, ######); M2",
             &[
                 "#5161 is a stored position of the machine, which is known only there or from a \
                  parameter file: the message shows ######",

@@ -835,7 +835,14 @@ def threads(program, rng):
 @feature("probes", 30)
 def probes(program, rng):
     program.scales = False
-    program.add("G0 X0 Y0 Z10", f"G38.{rng.randint(2, 5)} Z-5 F50", "G0 Z10", "G0 X5")
+    program.add("G0 X0 Y0 Z10", f"F{rng.randint(1, 90)}0")
+    for _ in range(rng.randint(1, 4)):
+        axes = rng.choice([f"Z-{rng.randint(1, 9)}", f"X-{rng.randint(1, 9)} Y-{rng.randint(1, 9)}",
+                           f"X-{rng.randint(1, 9)} Z-{rng.randint(1, 9)} F{rng.randint(1, 9)}0"])
+        program.add(rng.choice(["", "G20\nF9", "G21\nF500", "G55", "G92.1", "G52 Z1", "G95 S100\nF0.1", "G94 F300"]),
+                    "G0 X0 Y0 Z10", f"G38.{rng.randint(2, 5)} {axes}",
+                    rng.choice(["", "X-12 Y-12 Z-12", f"G10 L20 P{rng.randint(1, 3)} X0 Y0 Z0"]),
+                    rng.choice(["G0 X0 Y0 Z10", "G1 Z3\nX1 Y1", "G0 Z5\nG0 X2 Y3"]))
 
 
 def degrees(rng):

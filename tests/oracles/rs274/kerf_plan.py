@@ -49,6 +49,10 @@ class Reader:
         # A, B and C; `None` where Kerf does not know them. Those that wait for their motion.
         self.rotary = [0.0, 0.0, 0.0]
         self.along = {}
+        # The next element is the way of a probe.
+        self.is_probe = False
+        # The line of a G10 L20, whose rapid says where the tool is and moves nothing.
+        self.standing = None
 
     def read(self, elements, events):
         number = 0
@@ -70,6 +74,9 @@ class Reader:
         self.is_compensated |= it["role"] != "none"
         kind = "rapid" if it["rapid"] else "line" if it["kind"] == "line" else "arc"
         start, end = self.lengths(it["start"]), self.lengths(it["end"])
+        if it["line"] == self.standing:
+            self.at, self.standing = end, None
+            return
         feed = it["feed_mm_per_min"]
         self.at = end
         turned = self.turn(self.along)
@@ -86,6 +93,10 @@ class Reader:
             center = self.lengths(it["center"])
             move.kind, move.plane, move.center = "arc", it["plane"], (center[one], center[two])
             move.rotation = -turns if it["clockwise"] else turns
+        if self.is_probe:
+            move.kind, self.is_probe = "probe", False
+            # Where it touches; LinuxCNC's interpreter alone lets it do so just before the end.
+            self.lost |= {axis for axis, a, b in zip("XYZ", start, end) if a != b}
         self.items.append(move)
 
     def turn(self, axes):
@@ -129,6 +140,8 @@ class Reader:
         where = f"line {event['line']}"
         if kind == "axes":
             self.axes(event, text)
+        elif kind == "probe":
+            self.is_probe = True
         elif kind == "message":
             self.message(event, text.removeprefix("(MSG, ").removesuffix(")"))
         elif match := re.fullmatch(r"S([-\d.e]+)", text):
@@ -172,6 +185,8 @@ class Reader:
             # What the offsets are shows in the moves in machine coordinates.
             self.lost = set("XYZ")
             self.forget_along()
+            system = re.match(r"G10 L20 P(\d)", text)
+            self.standing = event["line"] if system and int(system[1]) == state.system else None
         elif text == "G53 G0":
             # Other axes alone.
             self.forget_along()

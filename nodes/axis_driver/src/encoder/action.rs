@@ -9,7 +9,7 @@ use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Probe, Source, work_system};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
-use cnc_msgs::path::{PathEvent, Role};
+use cnc_msgs::path::{PathElement, PathEvent, Role};
 
 /// The longest dwell that is sent, s.
 const DWELL_S_MAX: f64 = 86_400.0;
@@ -198,21 +198,29 @@ impl Encoder {
             self.modal.forget(axes, "G10");
         }
         // The firmware writes it to its memory, and hears nothing meanwhile.
-        self.push_action(text, LineKind::Slow, true, source)
+        self.push_action(text, LineKind::Slow, true, source)?;
+        if by_position && self.next_of_block(source).is_some_and(|it| it.feed_mm_per_min.is_none())
+        {
+            // It says where the tool is now, and moves nothing.
+            self.next_element += 1;
+            self.modal.unknown = self.modal.unknown.without(axes);
+        }
+        Ok(())
+    }
+
+    /// The element that comes next, if it is of this block and nothing stands in between.
+    fn next_of_block(&self, source: Source) -> Option<PathElement> {
+        let index = self.next_element;
+        let is_next = self.path.events.get(self.next_event).is_none_or(|it| it.at_element > index);
+        let element = self.path.elements.get(index).copied();
+        element.filter(|it| is_next && it.source == source && it.shape == Shape::Line)
     }
 
     /// The element after it is the way of the probe, and nothing stands in between.
     fn encode_probe(&mut self, probe: Probe, source: Source) -> Result<(), EncodeProblem> {
         let index = self.next_element;
-        let is_next = self.path.events.get(self.next_event).is_none_or(|it| it.at_element > index);
-        let element = self.path.elements.get(index).copied();
-        let element = element.filter(|it| {
-            is_next
-                && it.source == source
-                && it.shape == Shape::Line
-                && it.feed_mm_per_min.is_some()
-        });
-        let Some(element) = element else {
+        let Some(element) = self.next_of_block(source).filter(|it| it.feed_mm_per_min.is_some())
+        else {
             return Err(EncodeProblem::NoMotion { words: probe.word().into() });
         };
         self.next_element += 1;

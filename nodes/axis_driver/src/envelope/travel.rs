@@ -223,7 +223,9 @@ impl TravelCheck {
             report.not_judged.push(text);
         }
         for moves in &self.unplaced {
-            report.not_judged.push(format!("{moves}: where they are in the machine is known only in the run"));
+            report
+                .not_judged
+                .push(format!("{moves}: where they are in the machine is known only in the run"));
         }
     }
 }

@@ -69,7 +69,7 @@ impl Further {
         self.lose(self.position, cause);
     }
 
-    fn arrive(&mut self, end: FurtherAxes) {
+    pub(super) fn arrive(&mut self, end: FurtherAxes) {
         self.position = end.or(self.position);
         self.poisoned &= !end.bits();
     }

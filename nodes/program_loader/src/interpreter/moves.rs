@@ -342,7 +342,7 @@ impl Interpreter<'_> {
         let named = named.join(" and ");
         let help = match word.starts_with("G38") {
             true => format!(
-                "move {named} with G90 and G0 or G1 before it; to count from where the probe touched, write G10 L20 P0 {named}0 after the probe, then G90"
+                "move {named} with G90 and G0 or G1 before it; to count from where the probe touched, write G10 L20 P0 {named}0 after the probe"
             ),
             false => format!("move {named} with G90 and G0 or G1 before it"),
         };

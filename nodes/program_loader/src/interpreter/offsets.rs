@@ -7,10 +7,11 @@
 use super::axes::Cause;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, GWord, Group, LengthWord};
-use cnc_msgs::contour::Action;
+use cnc_msgs::contour::{Action, MotionClass};
 use cnc_msgs::finding::Code;
 use cnc_msgs::further::{FurtherAxes, FurtherMode};
-use cnc_msgs::geometry::{AxisSet, Position};
+use cnc_msgs::geometry::{AxisSet, Position, Shape};
+use cnc_msgs::units::received_mm;
 
 /// What a G word does to the zero of the program or to the machine's offsets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -204,10 +205,24 @@ impl Interpreter<'_> {
         self.act(Action::SetWorkOffset { system: system as u8, axes: named, origin, by_position });
         self.store_offset(system, named, (!by_position).then_some(origin));
         self.store_further_offset(system, further, by_position);
-        if system == active {
+        if system == active && by_position {
+            self.stand(named, origin, further);
+        } else if system == active {
             let cause = Cause { source: self.source, word: "G10" };
             self.axes.lose(named, cause);
             self.further.lose(further, cause);
+        }
+    }
+
+    /// The tool stands here now, because the frame has moved: a rapid of no length says so.
+    fn stand(&mut self, named: AxisSet, place: Position, further: FurtherAxes) {
+        for axis in (0..3).filter(|&axis| named.contains(axis)) {
+            self.axes.position[axis] = received_mm(place[axis]);
+        }
+        self.axes.know(named);
+        self.further.arrive(further);
+        if !named.is_empty() {
+            self.emit_motion(Shape::Line, self.axes.position, MotionClass::Rapid, named);
         }
     }
 

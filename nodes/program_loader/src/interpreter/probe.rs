@@ -1,8 +1,8 @@
 //! G38.2 to G38.5: moves that end where a probe touches, or lets go.
 //!
 //! Where that is, a plan does not know. So the axes of a probe are not known after it, until a block
-//! names them absolutely; a work offset may be set there by the position (G10 L20), which is then
-//! the machine's to compute.
+//! names them absolutely, or a work offset is set there by the position (G10 L20), which is the
+//! machine's to compute.
 
 use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
@@ -24,8 +24,9 @@ impl Interpreter<'_> {
             );
             let help = "cancel with G40 and a straight move before it";
             self.report_block(scene, Code::ForbiddenUnderCompensation, message, help);
-        } else if self.modal.feed_mode == FeedMode::InverseTime {
-            let message = format!("where {word} ends is not known, and G93 is in force");
+        } else if self.modal.feed_mode != FeedMode::PerMinute {
+            let message =
+                format!("{word} needs a feed rate in units a minute, and G94 is not in force");
             let help = "write G94 and F into this block";
             self.report_block(scene, Code::ModalConflict, message, help);
         }
