@@ -2,12 +2,14 @@
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
-    CheckTravel, Command, DriverConfig, OffsetRequest, RunOutcome, RunRequest,
+    CheckTravel, Command, DriverConfig, OffsetRequest, OnPathDeviation, ReplanRequest, RunOutcome,
+    RunRequest,
 };
 use axis_driver::encoder::{EncoderConfig, start_at};
 use cnc_msgs::finding::Finding;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
+use cnc_msgs::keep_out::{Frame, KeepOut, KeepOutBox};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, StartInSpan};
 use kerf_tests::line::Line;
@@ -155,6 +157,7 @@ fn a_probe_is_held_resumed_and_canceled() {
         let mut line = machine(firmware, -62.0);
         line.start(path(TOUCH_OFF), 0);
         line.until("it probes", |line| line.state().reason.starts_with("PROBE: G38.2 in line 3"));
+        assert_eq!(line.mode(), Mode::Run, "{firmware}");
         line.wait(2.0);
         line.ask(Command::FeedHold).expect("it holds");
         line.until("a hold", |line| line.mode() == Mode::Hold);
@@ -204,39 +207,154 @@ fn a_line_that_is_damaged_after_a_probe_is_held() {
     assert!(reason.contains("PATH_DEVIATION"), "{reason}");
 }
 
-#[test]
-fn what_follows_a_probe_is_judged_where_it_has_touched() {
+/// Homed, with its work zero 20 mm below the top of the travel, which ends 80 mm below that.
+fn homed(config: DriverConfig) -> Line {
     let mut settings = Settings::small_router();
     settings.set_line("$22=1").expect("a setting");
-    let config = DriverConfig { check_travel: CheckTravel::Refuse, ..DriverConfig::default() };
     let build = Build { probe_surface_z_mm: Some(-80.0), ..Build::new(settings) };
     let mut line = Line::new(config, build, &[]);
     line.until("locked or idle", |line| matches!(line.mode(), Mode::Alarm | Mode::Idle));
     line.ask(Command::Home).expect("it homes");
-    let (axes, position) = (AxisSet::ALL, [-300.0, -200.0, -20.0]);
-    let further = FurtherAxes::NONE;
-    let request = OffsetRequest { further, system: 1, axes, position, is_origin: true };
-    line.ask(Command::SetWorkOffset(request)).expect("the zero is set");
-    let to = |depth: i32| {
-        format!(
-            "G21 G90 G94 G54\nG0 Z2\nG0 X0 Y0\nG38.2 Z-70 F600\nG10 L20 P1 Z0\nG0 Z5\nG1 Z-{depth} F600\nG0 Z5\nM2\n"
-        )
-    };
-    // The travel ends at -100. From where the probe may go to at most, even 12 mm would be too much.
-    let result = line.run(path(&to(12)));
-    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
-    line.ask(Command::SetWorkOffset(request)).expect("the zero is set");
-    line.finished = None;
-    let result = line.run(path(&to(25)));
-    assert_eq!((result.outcome, result.error_code), (RunOutcome::Aborted, error_code::TRAVEL));
-    assert!(result.message.starts_with("line 7"), "{result:?}");
-    assert!((line.axes()[2] - -80.0).abs() < 0.5, "it stays where it touched: {:?}", line.axes());
+    line.ask(zero([-300.0, -200.0, -20.0])).expect("the zero is set");
+    line
+}
+
+fn zero(position: [f64; 3]) -> Command {
+    let (axes, further) = (AxisSet::ALL, FurtherAxes::NONE);
+    Command::SetWorkOffset(OffsetRequest { further, system: 1, axes, position, is_origin: true })
+}
+
+/// Two touches, and then so deep.
+fn to_depth(depth: i32) -> CompensatedPath {
+    let touch = "G38.2 Z-70 F120\nG10 L20 P1 Z0\nG0 Z5\n";
+    path(&format!(
+        "G21 G90 G94 G54\nG0 X0 Y0 Z2\n{touch}{}G1 Z-{depth} F600\nG0 Z5\nM2\n",
+        touch.replace("-70", "-6")
+    ))
 }
 
 #[test]
-fn in_a_check_nothing_is_probed() {
-    let mut line = machine(Firmware::Grbl, -62.0);
-    let request = RunRequest {
+fn what_follows_a_probe_is_judged_where_it_has_touched() {
+    for on_path_deviation in [OnPathDeviation::Hold, OnPathDeviation::Off] {
+        let check_travel = CheckTravel::Refuse;
+        let config = DriverConfig { check_travel, on_path_deviation, ..DriverConfig::default() };
+        let mut line = homed(config);
+        // The travel ends at -100. From where the probe may go to at most, 12 mm would be too much.
+        let result = line.run(to_depth(12));
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{on_path_deviation:?}: {result:?}");
+        line.ask(zero([-300.0, -200.0, -20.0])).expect("the zero is set");
+        let result = line.run(to_depth(25));
+        let found = (result.outcome, result.error_code);
+        assert_eq!(found, (RunOutcome::Aborted, error_code::TRAVEL), "{on_path_deviation:?}");
+        assert!(result.message.starts_with("line 9"), "{on_path_deviation:?}: {result:?}");
+        let at = line.axes();
+        assert!((at[2] - -80.0).abs() < 0.1, "it stays where it touched: {at:?}");
+    }
+}
+
+#[test]
+fn a_box_stays_where_it_was_when_the_run_began_whatever_a_probe_sets() {
+    let it = |min: f64, max: f64| {
+        let frame = Frame::Work(1);
+        let (min_mm, max_mm) = ([-10.0, -10.0, min], [10.0, 10.0, max]);
+        let it = KeepOutBox { frame, min_mm, max_mm };
+        let keep_out = KeepOut { keep_out: [("clamp".to_owned(), it)].into() };
+        let check_travel = CheckTravel::Off;
+        homed(DriverConfig { keep_out, check_travel, ..DriverConfig::default() })
+    };
+    // Zero is at the top, the part 60 mm below: a box from there to the end of the travel.
+    let result = it(-80.0, -70.5).run(to_depth(8));
+    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
+    let result = it(-80.0, -70.5).run(to_depth(12));
+    assert_eq!(result.error_code, error_code::KEEP_OUT, "{result:?}");
+}
+
+#[test]
+fn a_probe_that_has_missed_sets_no_zero() {
+    let mut line = machine(Firmware::GrblHal, -90.0);
+    let missing = TOUCH_OFF.replace("G38.2", "G38.3");
+    let result = line.run(path(&missing));
+    assert_eq!(result.error_code, error_code::PROBE_FAILED, "{result:?}");
+    assert!(result.message.contains("line 4 would set the zero where it has ended"), "{result:?}");
+    // An axis that the program has moved since is where it says.
+    let mut line = machine(Firmware::GrblHal, -90.0);
+    let moved = missing.replace("G10", "G0 Z5\nG10");
+    assert_eq!(line.run(path(&moved)).outcome, RunOutcome::Succeeded);
+}
+
+#[test]
+fn a_tool_that_stops_beyond_its_touch_is_a_warning_where_that_becomes_the_zero() {
+    for (feed, warns) in [("F100", false), ("F900", true)] {
+        let mut line = machine(Firmware::Grbl, -62.0);
+        let result = line.run(path(&TOUCH_OFF.replace("F100", feed)));
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
+        assert_eq!(has_said(&line, "mm beyond the place where"), warns, "{:#?}", line.log);
+    }
+}
+
+#[test]
+fn a_damaged_line_of_a_probe_is_held() {
+    for (is, damaged) in [("Z-30F100", "X-30F100"), ("F100", "F900")] {
+        let mut line = machine(Firmware::GrblHal, -75.0);
+        line.start(path(TOUCH_OFF), 0);
+        line.spoil_next(move |bytes| {
+            let text = String::from_utf8_lossy(bytes);
+            text.contains(is).then(|| text.replace(is, damaged).into_bytes())
+        });
+        line.until("a hold", |line| line.mode() == Mode::Hold);
+        let reason = line.state().reason;
+        assert!(reason.contains("PATH_DEVIATION"), "{damaged}: {reason}");
+        assert!(reason.contains("line 3"), "{damaged}: {reason}");
+    }
+}
+
+#[test]
+fn the_feed_of_a_probe_is_in_force_after_it() {
+    for (before, probe) in [("F100", "F400"), ("F600", "F100")] {
+        let mut line = machine(Firmware::GrblHal, -62.0);
+        let program =
+            format!("G21 G90\nG1 Z2 {before}\nG38.2 Z-30 {probe}\nG10 L20 P1 Z0\nG1 Z5\nX20\nM2\n");
+        let result = line.run(path(&program));
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
+        assert!(!has_said(&line, "PATH_DEVIATION"), "{:#?}", line.log);
+    }
+}
+
+#[test]
+fn what_is_left_is_not_planned_again_between_a_probe_and_its_zero() {
+    let mut line = machine(Firmware::GrblHal, -62.0);
+    line.ask(Command::SetSingleBlock(true)).expect("it is set");
+    line.start(path(TOUCH_OFF), 0);
+    for _ in 0..2 {
+        line.until("a block ends", |line| line.mode() == Mode::Hold);
+        while !line.ask_resume() {}
+        line.wait(0.5);
+    }
+    line.until("it has probed", |line| line.state().reason.contains("(line 3)"));
+    let (program_id, path) = ("part".into(), Arc::new(path(TOUCH_OFF)));
+    let request = ReplanRequest { program_id, of: 1, revision: 2, path };
+    let refusal = line.ask(Command::Replan(request)).expect_err("it is refused");
+    assert_eq!(refusal.error_code, error_code::BUSY, "{refusal}");
+}
+
+#[test]
+fn a_check_in_the_controller_stores_no_zero() {
+    for firmware in Firmware::ALL {
+        let config = DriverConfig { check_in_controller: true, ..DriverConfig::default() };
+        let build = Build::new(Settings::small_router_of(firmware));
+        let mut line = Line::new(config, build, &[]);
+        line.until("idle", |line| line.mode() == Mode::Idle);
+        line.zero_here();
+        let then = line.now;
+        line.ask(Command::RunProgram(check())).expect("it can be sent");
+        line.until("an end", |line| line.finished.is_some());
+        assert!(!line.said_since(then).contains("G10"), "{firmware}");
+        assert!(has_said(&line, "since it would store what line 4 sets"), "{:#?}", line.log);
+    }
+}
+
+fn check() -> RunRequest {
+    RunRequest {
         program_id: "part".into(),
         revision: 1,
         path: Arc::new(path(TOUCH_OFF)),
@@ -245,9 +363,14 @@ fn in_a_check_nothing_is_probed() {
         in_span: StartInSpan::default(),
         check_only: true,
         tool_diameters_mm: Default::default(),
-    };
+    }
+}
+
+#[test]
+fn in_a_check_nothing_is_probed() {
+    let mut line = machine(Firmware::Grbl, -62.0);
     let then = line.now;
-    let answer = line.ask(Command::RunProgram(request)).expect("it can be sent");
+    let answer = line.ask(Command::RunProgram(check())).expect("it can be sent");
     line.wait(2.0);
     assert!(!line.said_since(then).contains("G38"), "{answer}");
     assert!(near(&line, START), "{:?}", line.axes());

@@ -119,8 +119,10 @@ enum Stage {
     },
     /// The axes move until the probe touches.
     Probing(Probing),
-    /// It has touched, and the machine stands: what follows is judged from there.
-    Probed,
+    /// It has ended, and the machine stands: elements up to this one are judged from there.
+    Probed {
+        until: usize,
+    },
     /// A block has ended in single block mode.
     BlockEnd(BlockOfLine),
 }
@@ -147,8 +149,8 @@ enum Then {
         line: EncodedLine,
         probe: Probe,
     },
-    /// The probe has touched.
-    Probed,
+    /// The probe has ended.
+    Probed(Probing),
     /// The axes are home.
     GoOn,
     /// Wait for a resume.
@@ -315,9 +317,15 @@ impl ProgramRun {
                 state.mode = Mode::Home;
                 state.reason = format!("HOME: asked for in line {source_line}");
             }
-            Stage::Probing(probing) => state.reason = probing.reason(),
+            Stage::Probing(probing) if matches!(state.mode, Mode::Idle | Mode::Run) => {
+                state.mode = Mode::Run;
+                state.reason = probing.reason();
+            }
             // Between two lines, or in a dwell, the controller calls itself idle.
-            Stage::Streaming | Stage::Draining(_) | Stage::Settling { .. }
+            Stage::Streaming
+            | Stage::Draining(_)
+            | Stage::Settling { .. }
+            | Stage::Probed { .. }
                 if state.mode == Mode::Idle =>
             {
                 state.mode = Mode::Run;

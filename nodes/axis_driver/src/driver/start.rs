@@ -5,6 +5,7 @@ use super::context::overrides::Overrides;
 use super::manual::Order;
 use super::manual::configure::{Configuration, configure};
 use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
+use super::output::LogLevel;
 use super::run::ProgramRun;
 use super::run::exit::RunVerdict;
 use super::run::proof::{Check, Descent, Proof, beginning_of};
@@ -27,6 +28,14 @@ impl Driver {
         let is_in_change = request.is_mdi() && self.is_tool_awaited();
         if is_in_change && let Err(refusal) = check_block(&request.path) {
             return Some(Err(refusal));
+        }
+        if let Some(line) = request.first_stored().filter(|_| request.check_only)
+            && self.context.config.check_in_controller
+        {
+            let text = format!(
+                "the controller does not read this program in its check mode, since it would store what line {line} sets: the path is encoded only"
+            );
+            self.context.log(LogLevel::Warn, text);
         }
         if !is_only_encoded
             && !is_in_change
@@ -54,7 +63,7 @@ impl Driver {
         // A block during a tool change moves in a frame that the program has set.
         let workplace = match is_in_change {
             true => None,
-            false => WorkplaceCheck::begin(&mut self.context, &request, first_element),
+            false => WorkplaceCheck::begin(&mut self.context, &request, first_element, None),
         };
         let machine = &self.context.machine;
         let start = machine.machine_position().filter(|_| !is_in_change);

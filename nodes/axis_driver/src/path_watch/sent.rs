@@ -206,7 +206,7 @@ impl Sent {
     fn way(&self, words: &LineWords, target: Option<Position>, is_reference: bool) -> Way {
         let Some((from, to)) = self.place.zip(target) else { return Way::Anywhere };
         match self.words.motion {
-            _ if is_reference || words.has_g(530) => Way::Line { from, to },
+            _ if is_reference || words.has_g(530) || words.is_probe() => Way::Line { from, to },
             Some(0 | 1) => Way::Line { from, to },
             Some(motion) => {
                 let plane = self.words.plane.unwrap_or_default();
@@ -224,6 +224,9 @@ impl WordsInForce {
     fn take(&mut self, words: &LineWords) {
         if let Some(motion) = words.last_of(&[0, 10, 20, 30]) {
             self.motion = u8::try_from(motion).ok();
+        }
+        if words.is_probe() {
+            self.motion = None;
         }
         if let Some(plane) = words.last_of(&[170, 180, 190]) {
             self.plane = Some([Plane::Xy, Plane::Zx, Plane::Yz][plane]);

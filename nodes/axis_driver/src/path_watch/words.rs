@@ -54,6 +54,11 @@ impl LineWords {
         self.g.contains(&tenths)
     }
 
+    /// G38.2 to G38.5.
+    pub(super) fn is_probe(&self) -> bool {
+        self.g.iter().any(|tenths| (382..=385).contains(tenths))
+    }
+
     pub(super) fn has_m(&self, number: u16) -> bool {
         self.m.contains(&number)
     }

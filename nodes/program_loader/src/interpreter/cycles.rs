@@ -87,7 +87,7 @@ pub(super) struct CycleWords {
     step: f64,
     dwell: f64,
     /// Where the axis across the plane was before the first of a row of cycles.
-    initial: Option<f64>,
+    pub(super) initial: Option<f64>,
     /// G99; else G98.
     pub(super) returns_to_r: bool,
 }

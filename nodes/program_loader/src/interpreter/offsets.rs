@@ -221,6 +221,10 @@ impl Interpreter<'_> {
         }
         self.axes.know(named);
         self.further.arrive(further);
+        if named.contains(self.modal.plane.axes()[2]) {
+            // The height at which the cycles in force began was one of the other frame.
+            self.modal.cycle.initial = None;
+        }
         if !named.is_empty() {
             self.emit_motion(Shape::Line, self.axes.position, MotionClass::Rapid, named);
         }

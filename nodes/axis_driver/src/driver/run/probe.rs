@@ -8,12 +8,17 @@ use super::workplace::WorkplaceCheck;
 use super::{ProgramRun, Stage, Then};
 use crate::codes::error_code;
 use crate::driver::context::place::show;
+use crate::driver::context::queries::OFFSETS_QUERY;
 use crate::driver::context::{Context, Origin};
 use crate::driver::output::LogLevel;
 use crate::encoder::EncodedLine;
+use crate::link::LineKind;
+use crate::vectors::{minus, norm};
 use cnc_msgs::contour::{Action, Probe};
-use cnc_msgs::geometry::Position;
-use cnc_msgs::path::PathEvent;
+use cnc_msgs::geometry::{AxisSet, Position};
+
+/// How far beyond the place where it has touched a probe may stop without a warning, mm.
+const BEYOND_MM: f64 = 0.02;
 
 /// A probe that is under way.
 #[derive(Debug, Clone)]
@@ -42,6 +47,8 @@ impl ProgramRun {
         self.stage = Stage::Probing(Probing { probe, source_line, element, touch: None });
         self.job.has_sent = true;
         self.is_alone = true;
+        self.watch_line(&text, source_line, element);
+        context.machine.on_sent(&text);
         let sent = text.clone();
         let origin = Origin::Program { text, source_line, element, events };
         context.link.send_line(&sent, kind, origin);
@@ -57,47 +64,127 @@ impl ProgramRun {
     /// The line of the probe was answered.
     pub(super) fn end_probe(&mut self, context: &mut Context) -> Option<Exit> {
         let Stage::Probing(probing) = &self.stage else { return None };
-        let Probing { probe, source_line, element, touch } = probing.clone();
-        let place = self.job.place_of_line(source_line, element);
-        let ends = if probe.away { "let go" } else { "touched" };
-        let text = match touch {
+        let probing = probing.clone();
+        let place = self.job.place_of_line(probing.source_line, probing.element);
+        let ends = if probing.probe.away { "let go" } else { "touched" };
+        let nowhere = format!("{place}: the probe {ends} nowhere on the way");
+        let failed = match probing.touch {
             Some((at, true)) => {
                 let work = context.machine.in_work_frame(at).map(show);
                 let work = work.map_or(String::new(), |at| format!(", {at} in the work frame"));
-                format!("{place}: the probe {ends} at {} in the machine frame{work}", show(at))
+                let at = show(at);
+                let text = format!("{place}: the probe {ends} at {at} in the machine frame{work}");
+                context.log(LogLevel::Info, text);
+                None
             }
-            Some(_) if probe.may_miss => format!("{place}: the probe {ends} nowhere on the way"),
-            touch => {
-                let text = match touch {
-                    Some(_) => format!("{place}: the probe {ends} nowhere on the way"),
-                    None => format!("{place}: the controller did not say where the probe {ends}"),
-                };
-                self.job.blamed_line = source_line;
-                return Some(Exit::abort(error_code::PROBE_FAILED, text));
-            }
+            Some(_) if probing.probe.may_miss => match self.offset_after(&probing) {
+                Some(line) => Some(format!(
+                    "{nowhere}, and line {line} would set the zero where it has ended: with {} that is an alarm",
+                    Probe { may_miss: false, ..probing.probe }.word()
+                )),
+                None => {
+                    context.log(LogLevel::Info, nowhere);
+                    None
+                }
+            },
+            Some(_) => Some(nowhere),
+            None => Some(format!("{place}: the controller did not say where the probe {ends}")),
         };
-        context.log(LogLevel::Info, text);
-        self.stage = Stage::Settling { then: Then::Probed, from: context.now };
+        if let Some(text) = failed {
+            self.job.blamed_line = probing.source_line;
+            return Some(Exit::abort(error_code::PROBE_FAILED, text));
+        }
+        self.stage = Stage::Settling { then: Then::Probed(probing), from: context.now };
         context.link.ask_status(context.now);
         None
     }
 
-    /// The machine stands where the probe has ended. Where a work offset is set by that position,
-    /// the travel of what follows could not be judged before.
-    pub(super) fn judge_from_probe(&mut self, context: &mut Context) {
-        let events = &self.job.request.path.events[self.encoder.events_begun()..];
-        let until_next = events.iter().take_while(|it| !matches!(it.action, Action::Probe(_)));
-        let sets_offset = |event: &PathEvent| {
-            matches!(event.action, Action::SetWorkOffset { by_position: true, .. })
-        };
-        if until_next.into_iter().any(sets_offset) {
-            let first = self.encoder.next_element();
-            let check = WorkplaceCheck::begin_from_here(context, &self.job.request, first);
-            self.judged_again = check.map(Box::new);
+    /// The machine stands where the probe has ended.
+    pub(super) fn after_probe(&mut self, context: &mut Context, probing: &Probing) {
+        let offset = self.offset_after(probing);
+        if let (Some(line), Some((touch, true)), Some(at)) =
+            (offset, probing.touch, context.machine.machine_position())
+        {
+            let beyond = norm(minus(at, touch));
+            if beyond > BEYOND_MM {
+                context.log(
+                    LogLevel::Warn,
+                    format!(
+                        "line {}: the tool has stopped {beyond:.3} mm beyond the place where the probe has ended, and line {line} sets the zero where it stands: probe a second time, more slowly",
+                        probing.source_line
+                    ),
+                );
+            }
         }
-        self.stage = match self.is_judging() {
-            true => Stage::Probed,
-            false => Stage::Streaming,
+        let path = &self.job.request.path;
+        let next = self.encoder.next_element();
+        let until = match offset {
+            Some(_) => path.elements.len(),
+            None => {
+                let named = self.named_after(probing).last();
+                named.map_or(path.elements.len(), |(index, _)| index + 1)
+            }
         };
+        // Ends in the travel were judged before the run.
+        if until == next || offset.is_none() && context.config.keep_out.keep_out.is_empty() {
+            return self.go_on();
+        }
+        self.stage = Stage::Probed { until };
+        context.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::Offsets);
+    }
+
+    /// Judges what follows from where the machine stands, with the offsets that the controller has.
+    pub(super) fn judge_from_probe(&mut self, context: &mut Context) {
+        let Stage::Probed { until } = self.stage else { return };
+        let part = (self.encoder.next_element(), until);
+        let request = &self.job.request;
+        let check = WorkplaceCheck::begin_after_probe(context, request, part, self.judged_by);
+        self.judged_again = check.map(Box::new);
+        if !self.is_judging() {
+            self.go_on();
+        }
+    }
+
+    /// The line that sets a work offset by the place of an axis that the program has not named since
+    /// the probe.
+    fn offset_after(&self, probing: &Probing) -> Option<u32> {
+        let events = &self.job.request.path.events[self.encoder.events_begun()..];
+        let mut named = self.named_after(probing).peekable();
+        let mut axes = self.probed_axes(probing);
+        for event in events {
+            while let Some((_, left)) = named.next_if(|(index, _)| *index < event.at_element) {
+                axes = left;
+            }
+            match event.action {
+                _ if axes.is_empty() => return None,
+                Action::Probe(_) => return None,
+                Action::SetWorkOffset { by_position: true, axes: set, .. }
+                    if (0..3).any(|axis| set.contains(axis) && axes.contains(axis)) =>
+                {
+                    return Some(event.source.line);
+                }
+                _ => {}
+            }
+        }
+        None
+    }
+
+    fn probed_axes(&self, probing: &Probing) -> AxisSet {
+        let element = probing.element.and_then(|index| self.job.request.path.elements.get(index));
+        element.map_or(AxisSet::NONE, |element| element.axes)
+    }
+
+    /// The elements after the probe, with the axes that none of them has named up to its end, until
+    /// none is left.
+    fn named_after(&self, probing: &Probing) -> impl Iterator<Item = (usize, AxisSet)> {
+        let first = self.encoder.next_element();
+        let elements = self.job.request.path.elements[first..].iter().zip(first..);
+        elements.scan(self.probed_axes(probing), |left, (element, index)| {
+            if left.is_empty() {
+                return None;
+            }
+            *left = left.without(element.axes);
+            Some((index, *left))
+        })
     }
 }

@@ -161,6 +161,10 @@ impl ProgramRun {
         if context.link.unanswered() == 0 {
             self.is_alone = false;
         }
+        if matches!(origin, Origin::Offsets) && matches!(self.stage, Stage::Probed { .. }) {
+            self.judge_from_probe(context);
+            return None;
+        }
         if matches!(origin, Origin::Offsets) {
             self.has_asked_offsets(error.is_none());
             if !self.judge_again(context) {
@@ -190,8 +194,6 @@ impl ProgramRun {
         context.machine.work_system = work_system.or(context.machine.work_system);
         match &origin {
             Origin::Preamble => self.watch_answer(context, PREAMBLE),
-            // The watch does not know the line of a probe.
-            Origin::Program { .. } if self.is_probing() => {}
             Origin::Program { text, .. } => self.watch_answer(context, text),
             _ => {}
         }
@@ -263,7 +265,7 @@ impl ProgramRun {
                 self.stage = Stage::Streaming;
             }
             Stage::Settling {
-                then: Then::GoOn | Then::Probed | Then::ControllerChange { .. },
+                then: Then::GoOn | Then::Probed(_) | Then::ControllerChange { .. },
                 ..
             } if !is_idle => {}
             Stage::Settling { .. } if context.machine.is_state(&ControllerState::Run) => {
@@ -308,7 +310,7 @@ impl ProgramRun {
             }
             Then::BlockEnd(block) => self.stage = Stage::BlockEnd(block),
             Then::Probe { line, probe } => self.begin_probe(context, line, probe),
-            Then::Probed => self.judge_from_probe(context),
+            Then::Probed(probing) => self.after_probe(context, &probing),
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
             Then::Home { text, axes, source_line } => {
                 let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;

@@ -8,12 +8,12 @@ use super::proof::{Proof, Proven};
 use super::request::RunRequest;
 use super::time_left::TimeLeft;
 use super::workplace::WorkplaceCheck;
-use super::{ProgramRun, Stage};
+use super::{Pending, ProgramRun, Stage};
 use crate::codes::error_code;
 use crate::cycle_time::CycleTime;
 use crate::driver::answer::{Answer, Refusal, refused};
 use crate::driver::context::Context;
-use crate::encoder::Encoder;
+use crate::encoder::{Encoder, EncoderStep};
 use cnc_msgs::path::CompensatedPath;
 use std::sync::Arc;
 
@@ -46,7 +46,18 @@ impl ProgramRun {
             Stage::BlockEnd(_) | Stage::ToolChange(_) => true,
             _ => false,
         };
+        // Where what follows it is in the machine is known when it has been answered.
+        let stands = stands && !self.awaits_offset();
         stands.then(|| self.encoder.next_element() as u64).filter(|count| *count > 0)
+    }
+
+    /// Whether a line that sets a work offset by the position waits to be sent.
+    fn awaits_offset(&self) -> bool {
+        let next = match &self.next {
+            Some(Pending::Line(line)) => Some(line),
+            _ => self.next_block.as_ref().and_then(EncoderStep::line),
+        };
+        next.is_some_and(|line| line.text.starts_with("G10L20"))
     }
 
     /// Takes another path for what is left; the answer comes when it is proved.
@@ -70,7 +81,7 @@ impl ProgramRun {
         let limits = context.machine.limits_for_time();
         let time = CycleTime::new(&limits, &request.path, first, None);
         let run = RunRequest { path: Arc::clone(&request.path), ..self.job.request.clone() };
-        let workplace = WorkplaceCheck::begin_rest(context, &run, first);
+        let workplace = WorkplaceCheck::begin_rest(context, &run, first, self.judged_by);
         let proof = Proof::new(encoder.clone(), time, workplace);
         self.rest = Some(Box::new(Replan { id, request, encoder, proof }));
         None

@@ -16,7 +16,17 @@ use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 impl RunRequest {
     /// Whether the path is only encoded, so that the machine does not matter.
     pub(in crate::driver) fn is_only_encoded(&self, context: &Context) -> bool {
-        self.check_only && !context.config.check_in_controller
+        let stores = self.first_stored().is_some();
+        self.check_only && (!context.config.check_in_controller || stores)
+    }
+
+    /// The first line that makes the controller store something, which it does in its check mode too.
+    pub(in crate::driver) fn first_stored(&self) -> Option<u32> {
+        let stores = |action: &Action| {
+            matches!(action, Action::SetWorkOffset { .. } | Action::StoreReference { .. })
+        };
+        let event = self.path.events.iter().find(|event| stores(&event.action));
+        event.map(|event| event.source.line)
     }
 
     /// Why a path cannot be run where the machine's zero is not known: it goes to places of
@@ -80,7 +90,7 @@ impl ProgramRun {
         if now.is_ok_and(|now| judged_by.is_near(&now)) {
             return false;
         }
-        let workplace = WorkplaceCheck::begin(context, &self.job.request, self.first_element);
+        let workplace = WorkplaceCheck::begin(context, &self.job.request, self.first_element, None);
         self.judged_again = workplace.map(Box::new);
         self.judged_again.is_some()
     }
@@ -88,7 +98,7 @@ impl ProgramRun {
     /// Judges a slice of it; the first words of the run follow at its end, or what comes after a probe.
     pub(super) fn step_judgement(&mut self, context: &mut Context) -> Option<Exit> {
         let workplace = self.judged_again.as_mut()?;
-        let has_begun = matches!(self.stage, Stage::Probed);
+        let has_begun = matches!(self.stage, Stage::Probed { .. });
         if !has_begun {
             self.stage = Stage::Preparing { until: context.now + ANSWER };
         }

@@ -98,9 +98,9 @@ impl ProgramRun {
     /// since `since`.
     pub(super) fn watch_report(&mut self, context: &mut Context, since: Duration) {
         let is_judged = match &self.stage {
-            Stage::Streaming => true,
+            Stage::Streaming | Stage::Probing(_) => true,
             Stage::Draining(then) | Stage::Settling { then, .. } => {
-                !matches!(then, Then::GoOn | Then::ControllerChange { .. })
+                !matches!(then, Then::GoOn | Then::Probed(_) | Then::ControllerChange { .. })
             }
             _ => false,
         };
@@ -167,7 +167,14 @@ impl ProgramRun {
         }
         let at = context.machine.machine_position();
         let further = context.machine.further_machine();
-        if matches!(then, Then::GoOn | Then::Probed | Then::ControllerChange { .. }) {
+        if let Then::Probed(_) = then {
+            // It has ended before the end of its line; all else is in force.
+            if let Some(watch) = &mut self.watch.watch {
+                watch.begin_again(None, at, further);
+            }
+            return EndOfLines::There;
+        }
+        if matches!(then, Then::GoOn | Then::ControllerChange { .. }) {
             let frame = context.machine.frame();
             if let Some(watch) = &mut self.watch.watch {
                 watch.begin_again(Some(frame), at, further);
@@ -181,7 +188,7 @@ impl ProgramRun {
         let has_place = context.machine.shown.has_machine_position;
         let believed = if has_place { further } else { FurtherAxes::NONE };
         let Some(deviation) = watch.judge_end(at, believed) else {
-            if matches!(then, Then::Home { .. } | Then::Probe { .. }) {
+            if matches!(then, Then::Home { .. }) {
                 watch.forget_words();
             }
             return EndOfLines::There;

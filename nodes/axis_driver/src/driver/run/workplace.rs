@@ -22,19 +22,24 @@ pub(in crate::driver) struct WorkplaceCheck {
     /// The stored positions that it is judged by.
     pub(in crate::driver) offsets: StoredOffsets,
     check_travel: CheckTravel,
-    /// Elements that were judged in slices.
+    /// Elements that were judged in slices, and how many are to be.
     judged: usize,
+    until: usize,
+    /// What cannot be judged was said before the run.
+    is_after_probe: bool,
 }
 
 /// Elements that are judged in one go, where nothing else is done with them.
 const ELEMENTS_PER_SLICE: usize = 2_000;
 
 impl WorkplaceCheck {
-    /// `None` where nothing is to be judged, or nothing can be; the log says why.
+    /// `None` where nothing is to be judged, or nothing can be; the log says why. `began_with`: the
+    /// stored positions when the run began, if it has: boxes stay where they were then.
     pub(in crate::driver) fn begin(
         context: &mut Context,
         request: &RunRequest,
         first_element: usize,
+        began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
         let check_travel = context.config.check_travel;
         if check_travel == CheckTravel::Off && context.config.keep_out.keep_out.is_empty() {
@@ -44,7 +49,7 @@ impl WorkplaceCheck {
         let homes = !machine.is_homed && first_element == 0 && homes_first(&request.path);
         // Where the axes stand before that, they stand in another frame.
         let start_in_machine = machine.machine_position().filter(|_| !homes);
-        let limits = match limits(machine, homes) {
+        let mut limits = match limits(machine, homes) {
             Ok(limits) => limits,
             Err(because) => {
                 let what = match context.config.keep_out.keep_out.is_empty() {
@@ -60,8 +65,11 @@ impl WorkplaceCheck {
             tool_diameters_mm: &request.tool_diameters_mm,
             start_in_machine,
         };
+        let offsets = limits.offsets;
+        limits.offsets = began_with.unwrap_or(offsets);
         let envelope = Envelope::new(&limits, &request.path, first_element, workplace);
-        Some(Self { envelope, offsets: limits.offsets, check_travel, judged: 0 })
+        let until = request.path.elements.len();
+        Some(Self { envelope, offsets, check_travel, judged: 0, until, is_after_probe: false })
     }
 
     /// The same for the rest of a run that is under way: the path has set offsets before it.
@@ -69,29 +77,37 @@ impl WorkplaceCheck {
         context: &mut Context,
         request: &RunRequest,
         first_element: usize,
+        began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
-        let mut check = Self::begin(context, request, first_element)?;
+        let mut check = Self::begin(context, request, first_element, began_with)?;
         check.envelope.go_on_with(&request.path, &check.offsets, None);
         Some(check)
     }
 
-    /// The same where the path does not say where the tool is: it is where it stands.
-    pub(in crate::driver) fn begin_from_here(
+    /// The same after a probe, for the elements before `until`: the tool is where it stands.
+    pub(in crate::driver) fn begin_after_probe(
         context: &mut Context,
         request: &RunRequest,
-        first_element: usize,
+        (first_element, until): (usize, usize),
+        began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
-        let mut check = Self::begin(context, request, first_element)?;
-        let here = context.machine.machine_position();
-        check.envelope.go_on_with(&request.path, &check.offsets, here);
+        let Some(here) = context.machine.machine_position() else {
+            let text =
+                "not checked: what follows the probe, since the place of the tool is not known";
+            context.log(LogLevel::Warn, text);
+            return None;
+        };
+        let mut check = Self::begin(context, request, first_element, began_with)?;
+        check.envelope.go_on_with(&request.path, &check.offsets, Some(here));
+        (check.until, check.is_after_probe) = (until, true);
         Some(check)
     }
 
-    /// Judges a slice; true at the end of the path.
+    /// Judges a slice; true at the end.
     pub(in crate::driver) fn step(&mut self, path: &CompensatedPath) -> bool {
-        self.judged = (self.judged + ELEMENTS_PER_SLICE).min(path.elements.len());
+        self.judged = (self.judged + ELEMENTS_PER_SLICE).min(self.until);
         self.envelope.advance_to(path, self.judged);
-        self.judged == path.elements.len()
+        self.judged == self.until
     }
 
     pub(in crate::driver) fn advance_to(&mut self, path: &CompensatedPath, element: usize) {
@@ -118,7 +134,7 @@ impl WorkplaceCheck {
             true => LogLevel::Info,
             false => LogLevel::Warn,
         };
-        for what in &report.not_judged {
+        for what in report.not_judged.iter().filter(|_| !self.is_after_probe) {
             context.log(level, format!("not checked: {what}"));
         }
         let first = errors.first()?;
