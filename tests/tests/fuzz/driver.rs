@@ -10,7 +10,7 @@ use axis_driver::driver::{
     Command, Driver, DriverConfig, Input, JogFrame, JogRequest, OffsetRequest, OnCommanderLoss,
     Output, Overrides, ProbeRequest, ReplanRequest, RunOutcome, RunRequest,
 };
-use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
+use cnc_msgs::contour::{Action, CoolantMode, Probe, Source, SpindleMode};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
@@ -100,12 +100,18 @@ fn path() -> CompensatedPath {
         (5, Action::Coolant(CoolantMode::Flood)),
         (12, Action::Dwell { seconds: 0.4 }),
         (20, Action::ChangeTool { tool: 2 }),
+        (30, Action::Probe(Probe { away: false, may_miss: true })),
         (60, Action::ProgramEnd { rewind: true }),
     ];
     path.events = events
         .into_iter()
         .map(|(at_element, action)| {
-            let source = Source { line: at_element as u32, ..Source::default() };
+            let line = match action {
+                // It is of the block of its motion.
+                Action::Probe(_) => at_element + 1,
+                _ => at_element,
+            };
+            let source = Source { line: line as u32, ..Source::default() };
             PathEvent { at_element, action, source }
         })
         .collect();

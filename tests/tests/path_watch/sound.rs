@@ -4,10 +4,11 @@ use crate::parts::{
     Part, Random, START, holding, number, random_part, router, turn_along, turning_router,
 };
 use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, Overrides, RunOutcome};
-use cnc_msgs::contour::{Action, SpindleMode};
+use cnc_msgs::contour::{Action, Probe, SpindleMode};
 use cnc_msgs::further::FurtherAxes;
-use cnc_msgs::geometry::{AxisSet, Plane, Position};
+use cnc_msgs::geometry::{AxisSet, Plane, Position, Shape};
 use cnc_msgs::machine::Mode;
+use cnc_msgs::path::PathElement;
 use kerf_tests::line::Line;
 use std::time::Duration;
 use virtual_controller::Firmware;
@@ -140,6 +141,8 @@ fn sound_runs(firmware: Firmware, seed: u64, runs: u32, turns: bool) -> (Duratio
         }
         if turns {
             turn_along(&mut path, &mut random);
+        } else {
+            probe_along(&mut path, &mut Random(seed + u64::from(run)));
         }
         let begin = line.now;
         line.start(path, 0);
@@ -158,6 +161,18 @@ fn sound_runs(firmware: Firmware, seed: u64, runs: u32, turns: bool) -> (Duratio
         took += line.now - begin;
     }
     (took, line.controller.device().controller().counts().torn_reports)
+}
+
+/// Makes a probe that touches nothing of one of the lines.
+fn probe_along(path: &mut cnc_msgs::path::CompensatedPath, random: &mut Random) {
+    let is_line =
+        |element: &PathElement| element.shape == Shape::Line && element.feed_mm_per_min.is_some();
+    let at = random.below(path.elements.len() as u64 - 1) as usize;
+    if path.elements[at..=at + 1].iter().all(is_line) {
+        insert(path, at, &[Action::Probe(Probe { away: false, may_miss: true })]);
+        // The axes are not known before they are named.
+        path.elements[at + 1].axes = AxisSet::ALL;
+    }
 }
 
 /// Puts events before an element, after those that are there already.

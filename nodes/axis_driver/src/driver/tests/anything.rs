@@ -4,12 +4,13 @@ use super::bench::{straight, with_event};
 use super::replan::Rests;
 use super::*;
 use crate::journal::{Journal, replay};
+use cnc_msgs::contour::{Action, Probe};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::path::CompensatedPath;
 use proptest::prelude::*;
 use std::sync::Arc;
 
-const LINES: [&str; 22] = [
+const LINES: [&str; 24] = [
     "ok",
     "ok",
     "ok",
@@ -30,6 +31,8 @@ const LINES: [&str; 22] = [
     "[OPT:V,0,0]",
     "$13=1",
     "okok",
+    "[PRB:5.000,0.000,0.000:1]",
+    "[PRB:5.000,0.000,0.000:0]",
     "garbage",
     "\u{fffd}\u{0}",
 ];
@@ -125,7 +128,10 @@ proptest! {
         steps in prop::collection::vec(step(), 1..150),
     ) {
         let path = with_event(straight(30), 4, Action::ChangeTool { tool: 2 });
-        let path = Arc::new(with_event(path, 6, Action::Home { axes: AxisSet::ALL }));
+        let path = with_event(path, 6, Action::Home { axes: AxisSet::ALL });
+        let mut path = with_event(path, 7, Action::Probe(Probe { away: false, may_miss: false }));
+        path.events[2].source = path.elements[7].source;
+        let path = Arc::new(path);
         let mut driver = Driver::new(DriverConfig::default());
         let mut journal = Journal::default();
         let (mut entries, mut outputs) = (Vec::new(), Vec::new());
