@@ -204,6 +204,9 @@ pub enum Action {
     MachineMove { target: Position, axes: AxisSet, rapid: bool, feed_mm_per_min: f64 },
     /// `G38.2` to `G38.5`: the motion of the block ends where a probe touches, on the way to its end.
     Probe(Probe),
+    /// Nobody knows where these axes are: the motion of the block moves them from there, by its end
+    /// less its start.
+    Relative { axes: AxisSet },
     /// The block moves A, B, C, U, V or W, with its motion or alone.
     Further(FurtherMove),
     /// These axes are homed; the machine decides where they are afterwards.
@@ -272,6 +275,7 @@ impl Action {
             Self::Message { .. } => "message",
             Self::Further(_) => "axes",
             Self::Probe(_) => "probe",
+            Self::Relative { .. } => "relative",
             Self::ToolLength { .. }
             | Self::WorkOffset { .. }
             | Self::Auxiliary { .. }
@@ -320,6 +324,7 @@ impl Action {
             Self::StoreReference { second } => if second { "G30.1" } else { "G28.1" }.into(),
             Self::Further(further) => further.text(),
             Self::Probe(probe) => probe.word().into(),
+            Self::Relative { axes } => format!("G91 {}", axes.letters()),
             Self::Home { axes } => format!("Home {}", axes.letters()),
             Self::ExactStop => "G9".into(),
             Self::Message { text } => format!("(MSG, {text})"),

@@ -138,6 +138,17 @@ impl CompensatedPath {
         if index == 0 { self.start } else { self.elements[index - 1].end }
     }
 
+    /// The axes that the element of this index moves from wherever they are.
+    pub fn relative_axes(&self, index: usize) -> AxisSet {
+        let first = self.events.partition_point(|event| event.at_element < index);
+        let events = self.events[first..].iter().take_while(|event| event.at_element == index);
+        let axes = events.filter_map(|event| match event.action {
+            Action::Relative { axes } => Some(axes),
+            _ => None,
+        });
+        axes.fold(AxisSet::NONE, AxisSet::union)
+    }
+
     /// Whether the element of this index is a rapid.
     pub fn is_rapid(&self, index: usize) -> bool {
         self.elements[index].feed_mm_per_min.is_none()

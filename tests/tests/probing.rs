@@ -92,6 +92,51 @@ fn a_zero_that_is_set_where_a_probe_has_touched_says_where_the_tool_is() {
     }
 }
 
+/// As machinists write it: twice, with a way back by so much in between.
+const TWICE: &str = "G21 G91
+G38.2 Z-30 F600
+G0 Z2
+G38.2 Z-4 F60
+G90
+G10 L20 P0 Z0
+G91 G0 Z5
+G90 G0 X20
+M2
+";
+
+#[test]
+fn after_a_probe_the_tool_moves_by_so_much_from_where_it_has_touched() {
+    for firmware in Firmware::ALL {
+        let mut line = machine(firmware, -62.0);
+        let then = line.now;
+        let result = line.run(path(TWICE));
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {result:?}");
+        assert!(near(&line, [-280.0, -200.0, -57.0]), "{firmware}: {:?}", line.axes());
+        let sent = line.said_since(then);
+        let lines: Vec<&str> = sent.lines().map(|it| it.split('N').next_back().unwrap()).collect();
+        let lines: Vec<&str> =
+            lines.iter().map(|it| it.trim_start_matches(char::is_numeric)).collect();
+        for wanted in ["G0G91Z2", "G91G38.2Z-4F60", "G90", "G10L20P1Z0", "G0Z5"] {
+            assert!(lines.contains(&wanted), "{firmware}: {wanted}: {lines:?}");
+        }
+        assert!(!has_said(&line, "PATH_DEVIATION"), "{firmware}: {:#?}", line.log);
+        assert!(!has_said(&line, "mm beyond"), "{firmware}: {:#?}", line.log);
+    }
+}
+
+#[test]
+fn a_damaged_way_back_from_a_probe_is_held() {
+    let mut line = machine(Firmware::GrblHal, -62.0);
+    line.start(path(TWICE), 0);
+    line.spoil_next(|bytes| {
+        let text = String::from_utf8_lossy(bytes);
+        text.contains("G91Z2").then(|| text.replace("G91Z2", "G91Z9").into_bytes())
+    });
+    line.until("a hold", |line| line.mode() == Mode::Hold);
+    let reason = line.state().reason;
+    assert!(reason.contains("PATH_DEVIATION"), "{reason}");
+}
+
 #[test]
 fn a_line_that_names_a_place_again_after_a_probe_is_sent() {
     let mut line = machine(Firmware::GrblHal, -62.0);
@@ -276,7 +321,11 @@ fn a_probe_that_has_missed_sets_no_zero() {
     let result = line.run(path(&missing));
     assert_eq!(result.error_code, error_code::PROBE_FAILED, "{result:?}");
     assert!(result.message.contains("line 4 would set the zero where it has ended"), "{result:?}");
-    // An axis that the program has moved since is where it says.
+    // By so much is not where the program says.
+    let mut line = machine(Firmware::GrblHal, -62.0);
+    let result = line.run(path(&TWICE.replace("-4", "-1").replace(".2 Z-1", ".3 Z-1")));
+    assert_eq!(result.error_code, error_code::PROBE_FAILED, "{result:?}");
+    // An axis that it has moved since is.
     let mut line = machine(Firmware::GrblHal, -90.0);
     let moved = missing.replace("G10", "G0 Z5\nG10");
     assert_eq!(line.run(path(&moved)).outcome, RunOutcome::Succeeded);
@@ -388,13 +437,18 @@ fn a_run_begins_after_a_probe_only_where_the_program_says_where() {
     let refusal = start(program, 4).expect_err("it is refused").to_string();
     assert!(refusal.contains("Z has not been given since G38.2"), "{refusal}");
     start(program, 6).expect("Z is given");
+    let program = "G21 G90\nG0 X0 Y0 Z5\nG38.2 Z-30 F100\nG91 G0 Z5\nX5\nG90 G1 X20 F600\nM2\n";
+    let refusal = start(program, 6).expect_err("it is refused").to_string();
+    assert!(refusal.contains("Z has not been given since G38.2"), "{refusal}");
 }
 
 #[test]
 fn what_depends_on_the_result_of_a_probe_is_refused_with_its_place() {
     let probe = "G21 G90 F100\nG0 X0 Y0 Z5\nG38.2 Z-30\n";
     for (after, said) in [
-        ("G91 G0 Z5", "starts from where Z is, which is not known since G38.2 in line 3"),
+        ("G18 G91 G2 X2 Z1 R2", "starts from where Z is, which is not known since G38.2 in line 3"),
+        ("G91 G81 X5 Z-1 R1", "where Z is, which is not known since G38.2 in line 3"),
+        ("G43.1 Z5\nG91 G0 Z1", "where Z is, which is not known since G43.1 in line 4"),
         ("G92 Z0", "not known since G38.2 in line 3"),
         ("#1=#5063", "is the result of a probe, which is known only while the machine runs"),
         ("G0 Z#<_z>", "Z"),
@@ -419,5 +473,7 @@ fn what_depends_on_the_result_of_a_probe_is_refused_with_its_place() {
         planned(&format!("{probe}{remedy}\nM2\n")).expect("it is known then");
     }
     let other = format!("{probe}G10 L20 P2 Z0\nG91 G0 Z5\nM2\n");
-    planned(&other).expect_err("the zero of another work system says nothing of this one");
+    planned(&other).expect("by so much from where it is");
+    planned(&other.replace("Z5\nM2", "Z5\nG92 Z0\nM2"))
+        .expect_err("the zero of another work system says nothing of this one");
 }

@@ -97,6 +97,10 @@ impl From<&Action> for wire::MachineFunction {
                 out.number = probe.number().into();
                 Self::PROBE
             }
+            Action::Relative { axes } => {
+                out.axes = axes.bits();
+                Self::RELATIVE
+            }
             Action::ExactStop => Self::EXACT_STOP,
             Action::Message { text } => {
                 out.text = text.to_string();
@@ -219,6 +223,7 @@ impl TryFrom<&wire::MachineFunction> for Action {
                     return Err(WireError::Constant { field: "number", value: function.number });
                 }
             },
+            W::RELATIVE => Self::Relative { axes },
             W::EXACT_STOP => Self::ExactStop,
             W::MESSAGE => match Text::new(&function.text) {
                 Some(text) => Self::Message { text },

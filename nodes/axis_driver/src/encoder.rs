@@ -20,7 +20,7 @@ pub(crate) mod words;
 use crate::link::LineKind;
 use crate::vectors::{minus, norm};
 use arc_lines::RestOfArc;
-use cnc_msgs::contour::{Probe, Source, SpindleMode};
+use cnc_msgs::contour::{Action, Probe, Source, SpindleMode};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
@@ -130,6 +130,8 @@ pub struct Encoder {
     speed: Option<HeldSpeed>,
     /// A, B, C, U, V and W that wait for the line of their block.
     further: Option<HeldFurther>,
+    /// Axes that the next motion moves from wherever they are.
+    relative: AxisSet,
     /// The further axes that the path never moves away from 0.
     idle_axes: u8,
 }
@@ -156,6 +158,7 @@ impl Encoder {
         Self {
             idle_axes: further::idle_axes(&path),
             further: None,
+            relative: AxisSet::NONE,
             path,
             config,
             next_element: 0,
@@ -246,6 +249,7 @@ impl Encoder {
         self.check_ends(start, element.end)?;
         let further = self.take_further(element.source)?;
         match element.shape {
+            Shape::Arc(_) if !self.relative.is_empty() => Err(no_motion(self.relative)),
             Shape::Line => self.encode_line(index, element, start, element.end, further),
             Shape::Arc(_) if !further.is_empty() => {
                 let word = format!("arc that also moves{}", further.words());
@@ -274,13 +278,18 @@ impl Encoder {
         end: Position,
         further: FurtherAxes,
     ) -> Result<(), EncodeProblem> {
+        let relative = std::mem::take(&mut self.relative);
+        if !relative.is_empty() && !further.is_empty() {
+            return Err(no_motion(relative));
+        }
         let mut text = self.line_number(index);
         let is_rapid = element.feed_mm_per_min.is_none();
-        let (axes, words) = axis_words(element.axes, start, end);
+        let (axes, words) = motion_words(element.axes, start, end, relative);
         if axes.is_empty() && further.is_empty() {
             return Ok(());
         }
         self.write_motion(&mut text, u8::from(!is_rapid));
+        text += if relative.is_empty() { "" } else { "G91" };
         text += &words;
         match element.feed_mm_per_min {
             Some(feed) if !further.is_empty() => {
@@ -292,9 +301,18 @@ impl Encoder {
                 self.write_feed(&mut text, feed)?;
             }
         }
-        self.modal.unknown = self.modal.unknown.without(axes);
+        self.modal.unknown = self.modal.unknown.without(axes.without(relative));
         let kind = self.write_speed(&mut text);
-        self.push_motion(text, kind, index, element)
+        self.push_motion(text, kind, index, element)?;
+        self.push_absolute(relative, element.source)
+    }
+
+    /// G90 again, after a line that has moved axes from wherever they were.
+    fn push_absolute(&mut self, relative: AxisSet, source: Source) -> Result<(), EncodeProblem> {
+        match relative.is_empty() {
+            true => Ok(()),
+            false => self.push_action("G90".into(), LineKind::Motion, false, source),
+        }
     }
 
     /// The beginning of a line that cuts this element.
@@ -416,6 +434,29 @@ pub fn line_number(element: usize) -> usize {
 const STEP_MM_MAX: f64 = 0.005;
 /// The firmware takes no more.
 const LINE_NUMBERS: usize = 9_999_999;
+
+/// Axes that are to move from wherever they are, and nothing that moves them so.
+fn no_motion(relative: AxisSet) -> EncodeProblem {
+    EncodeProblem::NoMotion { words: Action::Relative { axes: relative }.text() }
+}
+
+/// The words of a motion: where it ends, or how far it goes where axes are `relative`.
+fn motion_words(
+    named: AxisSet,
+    start: Position,
+    end: Position,
+    relative: AxisSet,
+) -> (AxisSet, String) {
+    if relative.is_empty() {
+        return axis_words(named, start, end);
+    }
+    let (axes, _) = axis_words(named, start, end);
+    let mut text = String::new();
+    for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+        write_word(&mut text, AXIS_LETTERS[axis], to_grid(end[axis]) - to_grid(start[axis]));
+    }
+    (axes, text)
+}
 
 /// The words of the axes that are named or change, in the order X Y Z.
 fn axis_words(named: AxisSet, start: Position, end: Position) -> (AxisSet, String) {

@@ -81,6 +81,8 @@ pub(crate) struct MachinePath {
     further_at: FurtherAxes,
     /// The next element is the way of a probe.
     is_probe: bool,
+    /// Axes that the next element moves from wherever they are.
+    relative: AxisSet,
     /// A probe goes to the end of its way; else nobody knows where it ends.
     misses_probes: bool,
     next_element: usize,
@@ -116,6 +118,7 @@ impl MachinePath {
             further_shift: offsets.further_shift,
             further_at: FurtherAxes::NONE,
             is_probe: false,
+            relative: AxisSet::NONE,
             misses_probes: false,
             next_element: 0,
             next_event: 0,
@@ -204,13 +207,17 @@ impl MachinePath {
             let moves = to_grid(element.end[axis]) != to_grid(start[axis]);
             if is_of_arc || moves || element.axes.contains(axis) {
                 axes = axes.with(axis);
-                self.at[axis] = offset[axis].map(|it| it + element.end[axis]);
+                self.at[axis] = match self.relative.contains(axis) {
+                    true => from[axis].map(|it| it + element.end[axis] - start[axis]),
+                    false => offset[axis].map(|it| it + element.end[axis]),
+                };
             }
         }
         let arc = arc.map(|arc| {
             let center = std::array::from_fn(|axis| arc.center[axis] + offset[axis].unwrap_or(0.0));
             Arc { center, ..arc }
         });
+        self.relative = AxisSet::NONE;
         let frame = MoveFrame::Work { system: self.system, offset };
         let moved = self.moved(from, arc, element.feed_mm_per_min, element.source, frame, axes);
         if std::mem::take(&mut self.is_probe) && !self.misses_probes {
@@ -302,6 +309,7 @@ impl MachinePath {
                 self.set_offset(system, axes, origin, by_position);
             }
             Action::Probe(_) => self.is_probe = true,
+            Action::Relative { axes } => self.relative = axes,
             Action::StoreReference { second } => self.references[usize::from(second)] = self.at,
             // Where the switches are is the business of the machine.
             Action::Home { axes } => {

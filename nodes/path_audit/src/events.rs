@@ -75,23 +75,30 @@ pub(crate) fn check(
     }
 }
 
-/// Whether axes that move along with a motion of their block, or a probe, have it: the next element, or the
+/// Whether what belongs to a motion of its block (axes along with it, a probe) has it: the next element, or the
 /// next action where that takes the words of axes.
 fn has_its_motion(path: &CompensatedPath, found: &PathEvent, next: Option<&PathEvent>) -> bool {
-    let (Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) | Action::Probe(_)) =
-        found.action
-    else {
-        return true;
+    let is_part = match found.action {
+        Action::Further(FurtherMove { mode, .. }) => mode == FurtherMode::Along,
+        Action::Probe(_) | Action::Relative { .. } => true,
+        _ => false,
     };
+    if !is_part {
+        return true;
+    }
     match next.filter(|next| next.at_element == found.at_element) {
         Some(next) => {
-            let takes = matches!(
-                next.action,
-                Action::MachineMove { .. }
-                    | Action::SetWorkOffset { .. }
-                    | Action::Reference { .. }
-            );
-            takes && next.source == found.source && !matches!(found.action, Action::Probe(_))
+            let takes = match found.action {
+                Action::Relative { .. } => matches!(next.action, Action::Probe(_)),
+                Action::Probe(_) => false,
+                _ => matches!(
+                    next.action,
+                    Action::MachineMove { .. }
+                        | Action::SetWorkOffset { .. }
+                        | Action::Reference { .. }
+                ),
+            };
+            takes && next.source == found.source
         }
         None => path.elements.get(found.at_element).is_some_and(|it| it.source == found.source),
     }

@@ -841,7 +841,7 @@ def probes(program, rng):
                            f"X-{rng.randint(1, 9)} Z-{rng.randint(1, 9)} F{rng.randint(1, 9)}0"])
         program.add(rng.choice(["", "G20\nF9", "G21\nF500", "G55", "G92.1", "G52 Z1", "G95 S100\nF0.1", "G94 F300"]),
                     "G0 X0 Y0 Z10", f"G38.{rng.randint(2, 5)} {axes}",
-                    rng.choice(["", "X-12 Y-12 Z-12", f"G10 L20 P{rng.randint(1, 3)} X0 Y0 Z0"]),
+                    rng.choice(["", "X-12 Y-12 Z-12", "G91 G0 Z2\nG38.3 Z-3 F50\nG1 Z1\nX1 Y1 Z1\nG90", f"G10 L20 P{rng.randint(1, 3)} X0 Y0 Z0"]),
                     rng.choice(["G0 X0 Y0 Z10", "G1 Z3\nX1 Y1", "G0 Z5\nG0 X2 Y3"]))
 
 

@@ -51,6 +51,8 @@ class Reader:
         self.along = {}
         # The next element is the way of a probe.
         self.is_probe = False
+        # Axes that the next element moves from wherever they are.
+        self.relative = set()
         # The line of a G10 L20, whose rapid says where the tool is and moves nothing.
         self.standing = None
 
@@ -82,7 +84,8 @@ class Reader:
         turned = self.turn(self.along)
         self.along = {}
         # Known again where the next move of the axis ends.
-        self.lost -= {axis for axis, a, b in zip("XYZ", start, end) if a != b}
+        self.lost -= {axis for axis, a, b in zip("XYZ", start, end) if a != b} - self.relative
+        self.relative = set()
         move = Move(kind, start, end, replace(self.state), f"line {it['line']}",
                     feed and feed / self.size, rotary=tuple(self.rotary), turned=turned,
                     unknown="".join(self.lost))
@@ -142,6 +145,8 @@ class Reader:
             self.axes(event, text)
         elif kind == "probe":
             self.is_probe = True
+        elif kind == "relative":
+            self.relative = set(text.removeprefix("G91 "))
         elif kind == "message":
             self.message(event, text.removeprefix("(MSG, ").removesuffix(")"))
         elif match := re.fullmatch(r"S([-\d.e]+)", text):

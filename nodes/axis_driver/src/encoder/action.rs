@@ -3,7 +3,7 @@
 use super::words::{to_grid, write_word};
 use super::{
     EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal, PREAMBLE_IN_FRAME,
-    axis_words, spindle_word,
+    motion_words, no_motion, spindle_word,
 };
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Probe, Source, work_system};
@@ -33,7 +33,14 @@ impl Encoder {
         ) {
             self.refuse_held_further()?;
         }
+        if !self.relative.is_empty() && !matches!(event.action, Action::Probe(_)) {
+            return Err(no_motion(self.relative));
+        }
         match event.action {
+            Action::Relative { axes } => {
+                self.relative = axes;
+                Ok(())
+            }
             Action::SpindleSpeed { rpm } => {
                 let max = self.config.spindle_rpm_max;
                 if !(0.0..=max).contains(&rpm) {
@@ -226,8 +233,11 @@ impl Encoder {
         self.next_element += 1;
         let start = self.path.start_of(index);
         self.check_ends(start, element.end)?;
-        let (axes, words) = axis_words(element.axes, start, element.end);
-        let mut text = self.line_number(index) + probe.word() + &words;
+        let relative = std::mem::take(&mut self.relative);
+        let (axes, words) = motion_words(element.axes, start, element.end, relative);
+        let mut text = self.line_number(index);
+        text += if relative.is_empty() { "" } else { "G91" };
+        text = text + probe.word() + &words;
         self.write_feed(&mut text, element.feed_mm_per_min)?;
         self.modal.motion = None;
         self.modal.forget(axes, probe.word());
@@ -235,7 +245,7 @@ impl Encoder {
         if let Some(EncoderStep::Line(line)) = self.pending.pop_back() {
             self.pending.push_back(EncoderStep::Probe { line, probe });
         }
-        Ok(())
+        self.push_absolute(relative, source)
     }
 
     fn encode_coolant(&mut self, mode: CoolantMode, source: Source) -> Result<(), EncodeProblem> {

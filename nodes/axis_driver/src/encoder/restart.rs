@@ -194,6 +194,7 @@ impl KnownPlace {
                 let start = path.start_of(number);
                 let moved = (0..3).filter(|&axis| element.end[axis] != start[axis]);
                 let given = moved.fold(element.axes, AxisSet::with);
+                let given = given.without(path.relative_axes(number));
                 place.unknown = place.unknown.without(given);
                 place.untouched = place.untouched.without(given);
                 if let Some(probe) = probe.take() {

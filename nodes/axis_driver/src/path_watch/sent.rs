@@ -175,7 +175,12 @@ impl Sent {
         }
         match self.words.is_relative {
             Some(false) => self.moved(words, self.frame.in_force),
-            _ => None,
+            // By so much from where the axes are.
+            Some(true) => {
+                let place = self.place?;
+                Some([0, 1, 2].map(|axis| place[axis] + words.axes[axis].unwrap_or_default()))
+            }
+            None => None,
         }
     }
 

@@ -30,8 +30,8 @@ pub(crate) struct Emitter {
     pub position: Position,
     /// Axes that the controller has already been sent, so that repeating them has no effect.
     sent: AxisSet,
-    /// The next element is the motion of a probe: where it ends is not known.
-    probes: bool,
+    /// The next element ends where nobody knows: it is a probe, or begins where one has ended.
+    ends_unknown: bool,
     /// The last feed of any element.
     pub last_feed_mm_per_min: Option<f64>,
     /// Lines whose elements end in an exact stop, in order.
@@ -47,7 +47,7 @@ impl Emitter {
             path,
             position: start,
             sent: AxisSet::NONE,
-            probes: false,
+            ends_unknown: false,
             last_feed_mm_per_min: None,
             exact_stops: Vec::new(),
             side: None,
@@ -68,9 +68,9 @@ impl Emitter {
             Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) => {
                 self.sent = AxisSet::NONE;
             }
-            Action::Probe(_) => {
+            Action::Probe(_) | Action::Relative { .. } => {
                 self.sent = AxisSet::NONE;
-                self.probes = true;
+                self.ends_unknown = true;
             }
             // From here on positions have another meaning.
             Action::Reference { .. }
@@ -182,7 +182,7 @@ impl Emitter {
             source: label.source,
         });
         self.position = end;
-        if std::mem::take(&mut self.probes) {
+        if std::mem::take(&mut self.ends_unknown) {
             self.sent = AxisSet::NONE;
         }
         if !self.exact_stops.is_empty()

@@ -210,6 +210,7 @@ impl Rules<'_> {
             | Action::Reference { .. }
             | Action::MachineMove { .. }
             | Action::Probe(_)
+            | Action::Relative { .. }
             | Action::ChangeTool { .. } => self.permit(
                 always,
                 source,
@@ -271,6 +272,7 @@ fn name(action: &Action) -> String {
         Action::MachineMove { .. } => "a move in machine coordinates".into(),
         Action::SetWorkOffset { .. } => "a change of a work offset".into(),
         Action::Probe(_) => "a probe".into(),
+        Action::Relative { .. } => "a move from where a probe has ended".into(),
         _ => action.text(),
     }
 }

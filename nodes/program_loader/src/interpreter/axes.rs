@@ -2,7 +2,7 @@
 //!
 //! An axis is known once an absolute straight move has named it. After a move in machine
 //! coordinates or to a reference position, or a change of offset, it is unknown until it is named
-//! again.
+//! again. After a probe it is, too, but can be moved from there by so much (G91).
 
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{AxisSet, Position};
@@ -20,6 +20,8 @@ pub(super) struct Axes {
     /// mm in the work frame; the last known value of an axis that is not known.
     pub(super) position: Position,
     unknown: AxisSet,
+    /// Of the unknown ones, those that stand where a probe has ended, or by so much from there.
+    drifting: AxisSet,
     poisoned: AxisSet,
     /// Axes that no move has named since the start.
     unnamed: AxisSet,
@@ -43,6 +45,7 @@ impl Axes {
         Self {
             position: start,
             unknown: AxisSet::NONE,
+            drifting: AxisSet::NONE,
             poisoned: AxisSet::NONE,
             unnamed: AxisSet::ALL,
             causes: [Cause::default(); 3],
@@ -76,10 +79,22 @@ impl Axes {
     /// Marks axes as unknown: their position in the work frame has changed.
     pub(super) fn lose(&mut self, axes: AxisSet, cause: Cause) {
         self.unknown = self.unknown.union(axes);
+        self.drifting = self.drifting.without(axes);
         self.unnamed = self.unnamed.without(axes);
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
             self.causes[axis] = cause;
         }
+    }
+
+    /// Marks axes as unknown because a probe ends wherever it touches.
+    pub(super) fn drift(&mut self, axes: AxisSet, cause: Cause) {
+        self.lose(axes, cause);
+        self.drifting = self.drifting.union(axes);
+    }
+
+    /// Those of some axes that can be moved by so much, wherever they are.
+    pub(super) fn drifting(&self, axes: AxisSet) -> AxisSet {
+        AxisSet::from_bits(axes.bits() & self.unknown.bits() & self.drifting.bits())
     }
 
     /// Marks axes as unknown because of an error that has been reported.

@@ -8,7 +8,7 @@ use super::{Interpreter, Scene};
 use crate::block::Word;
 use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode, Spline};
 use crate::limits::{COORDINATE_MM_MAX, STAYS_MM};
-use cnc_msgs::contour::{ContourEventKind, Motion, MotionClass};
+use cnc_msgs::contour::{Action, ContourEventKind, Motion, MotionClass};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
@@ -207,9 +207,14 @@ impl Interpreter<'_> {
             // How far X, Y and Z go decides how fast the other axes turn.
             relied = relied.union(end.named);
         }
-        let is_sound = self.relies(scene, relied) & self.has_feed(scene, class);
+        let drifting = match self.modal.compensation.is_selected() || self.has_further_along() {
+            true => AxisSet::NONE,
+            false => self.axes.drifting(end.relative),
+        };
+        let is_sound = self.relies(scene, relied.without(drifting)) & self.has_feed(scene, class);
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {
+            self.act_relative(drifting);
             let stays = (0..3).all(|axis| (from[axis] - end.position[axis]).abs() < STAYS_MM);
             if turns_at_feed && stays {
                 return self.further_without_motion(scene, further_from);
@@ -217,6 +222,14 @@ impl Interpreter<'_> {
             self.feed_of_length(class, || distance(from, end.position));
             self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, class, end.named);
+        }
+    }
+
+    /// The motion of the block moves these axes by so much.
+    #[inline]
+    pub(super) fn act_relative(&mut self, axes: AxisSet) {
+        if !axes.is_empty() {
+            self.act(Action::Relative { axes });
         }
     }
 

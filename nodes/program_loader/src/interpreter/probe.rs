@@ -1,7 +1,7 @@
 //! G38.2 to G38.5: moves that end where a probe touches, or lets go.
 //!
-//! Where that is, a plan does not know. So the axes of a probe are not known after it, until a block
-//! names them absolutely, or a work offset is set there by the position (G10 L20), which is the
+//! Where that is, a plan does not know. So the axes of a probe are not known after it, and can only be
+//! moved from there by so much (G91), until a block names them absolutely, or a work offset is set there by the position (G10 L20), which is the
 //! machine's to compute.
 
 use super::axes::{Cause, Reliance};
@@ -30,9 +30,11 @@ impl Interpreter<'_> {
             let help = "write G94 and F into this block";
             self.report_block(scene, Code::ModalConflict, message, help);
         }
-        let is_sound = self.relies(scene, end.relative) & self.has_feed(scene, MotionClass::Feed);
+        let drifting = self.axes.drifting(end.relative);
+        let is_sound = self.relies(scene, end.relative.without(drifting))
+            & self.has_feed(scene, MotionClass::Feed);
         let from = self.axes.position;
-        let stays = self.axes.rely_on(end.named) == Reliance::Known
+        let stays = self.axes.rely_on(end.named.without(drifting)) == Reliance::Known
             && (0..3).all(|axis| (from[axis] - end.position[axis]).abs() < STAYS_MM);
         if stays && is_sound && !self.request.is_damaged {
             let message = format!("{word} ends where it begins");
@@ -40,11 +42,12 @@ impl Interpreter<'_> {
             self.report_block(scene, Code::BadNumber, message, help);
         }
         if self.arrive(&end) && is_sound {
+            self.act_relative(drifting);
             self.act(Action::Probe(probe));
             self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, MotionClass::Feed, end.named);
         }
-        self.axes.lose(end.named, Cause { source: self.source, word });
+        self.axes.drift(end.named, Cause { source: self.source, word });
     }
 
     #[cold]

@@ -178,12 +178,13 @@ impl ProgramRun {
     /// none is left.
     fn named_after(&self, probing: &Probing) -> impl Iterator<Item = (usize, AxisSet)> {
         let first = self.encoder.next_element();
-        let elements = self.job.request.path.elements[first..].iter().zip(first..);
-        elements.scan(self.probed_axes(probing), |left, (element, index)| {
+        let path = &self.job.request.path;
+        let elements = path.elements[first..].iter().zip(first..);
+        elements.scan(self.probed_axes(probing), move |left, (element, index)| {
             if left.is_empty() {
                 return None;
             }
-            *left = left.without(element.axes);
+            *left = left.without(element.axes.without(path.relative_axes(index)));
             Some((index, *left))
         })
     }
