@@ -149,6 +149,32 @@ impl CompensatedPath {
         axes.fold(AxisSet::NONE, AxisSet::union)
     }
 
+    /// Those of some axes whose place before the element of this index counts: it, or one after it,
+    /// moves them by so much, or a work offset is set by it, before an element names them.
+    pub fn counted_from_here(&self, index: usize, axes: AxisSet) -> AxisSet {
+        let both = |a: AxisSet, b: AxisSet| AxisSet::from_bits(a.bits() & b.bits());
+        let mut left = axes;
+        let first = self.events.partition_point(|event| event.at_element < index);
+        let mut events = self.events[first..].iter().peekable();
+        for (number, element) in self.elements.iter().enumerate().skip(index) {
+            while let Some(event) = events.next_if(|event| event.at_element <= number) {
+                let counted = match event.action {
+                    Action::Relative { axes } => axes,
+                    Action::SetWorkOffset { by_position: true, axes, .. } => axes,
+                    _ => AxisSet::NONE,
+                };
+                if !both(counted, left).is_empty() {
+                    return both(counted, left);
+                }
+            }
+            left = left.without(element.axes);
+            if left.is_empty() {
+                break;
+            }
+        }
+        AxisSet::NONE
+    }
+
     /// Whether the element of this index is a rapid.
     pub fn is_rapid(&self, index: usize) -> bool {
         self.elements[index].feed_mm_per_min.is_none()

@@ -298,6 +298,22 @@ fn what_follows_a_probe_is_judged_where_it_has_touched() {
 }
 
 #[test]
+fn a_way_back_from_where_a_probe_has_touched_stays_in_the_travel() {
+    let config = DriverConfig { check_travel: CheckTravel::Refuse, ..DriverConfig::default() };
+    let back = |mm: i32| {
+        path(&format!("G21 G90\nG0 X0 Y0 Z0\nG38.2 Z-70 F600\nG91 G0 Z{mm}\nX5\nG90 G0 X0\nM2\n"))
+    };
+    // It touches 80 mm below the top.
+    let result = homed(config.clone()).run(back(75));
+    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
+    let mut line = homed(config);
+    let result = line.run(back(85));
+    assert_eq!(result.error_code, error_code::TRAVEL, "{result:?}");
+    assert!(result.message.starts_with("line 4"), "{result:?}");
+    assert!((line.axes()[2] - -80.0).abs() < 0.5, "{:?}", line.axes());
+}
+
+#[test]
 fn a_box_stays_where_it_was_when_the_run_began_whatever_a_probe_sets() {
     let it = |min: f64, max: f64| {
         let frame = Frame::Work(1);
@@ -325,6 +341,15 @@ fn a_probe_that_has_missed_sets_no_zero() {
     let mut line = machine(Firmware::GrblHal, -62.0);
     let result = line.run(path(&TWICE.replace("-4", "-1").replace(".2 Z-1", ".3 Z-1")));
     assert_eq!(result.error_code, error_code::PROBE_FAILED, "{result:?}");
+    // Another axis has touched since.
+    let mut line = machine(Firmware::GrblHal, -90.0);
+    let corner = "G21 G91\nG38.3 Z-5 F600\nG0 Z2\nG38.3 X5\nG90\nG10 L20 P1 X0 Z0\nG0 Z5\nM2\n";
+    let result = line.run(path(corner));
+    assert_eq!(result.error_code, error_code::PROBE_FAILED, "{result:?}");
+    assert!(
+        result.message.starts_with("line 2") && result.message.contains("line 6"),
+        "{result:?}"
+    );
     // An axis that it has moved since is.
     let mut line = machine(Firmware::GrblHal, -90.0);
     let moved = missing.replace("G10", "G0 Z5\nG10");
@@ -398,7 +423,7 @@ fn a_check_in_the_controller_stores_no_zero() {
         line.ask(Command::RunProgram(check())).expect("it can be sent");
         line.until("an end", |line| line.finished.is_some());
         assert!(!line.said_since(then).contains("G10"), "{firmware}");
-        assert!(has_said(&line, "since it would store what line 4 sets"), "{:#?}", line.log);
+        assert!(has_said(&line, "G38.2 in line 3 probes nothing there"), "{:#?}", line.log);
     }
 }
 
@@ -437,6 +462,17 @@ fn a_run_begins_after_a_probe_only_where_the_program_says_where() {
     let refusal = start(program, 4).expect_err("it is refused").to_string();
     assert!(refusal.contains("Z has not been given since G38.2"), "{refusal}");
     start(program, 6).expect("Z is given");
+    let lifted = |program: &str, line| {
+        let config = EncoderConfig { approach_z_mm: Some(-1.0), ..EncoderConfig::default() };
+        start_at(Arc::new(path(program)), config, (line, 0), StartInSpan::Refused).map(|_| ())
+    };
+    let by_so_much = "G21 G90\nG0 X0 Y0 Z5\nG38.2 X50 F100\nG53 G0 Z0\nG91 G0 X-2\nG90 G10 L20 P1 X0\nG0 X10\nG0 Z5\nM2\n";
+    let refusal = lifted(by_so_much, 5).expect_err("it is refused").to_string();
+    assert!(refusal.contains("X has not been given"), "{refusal}");
+    let stored = "G21 G90\nG0 X0 Y0 Z5\nG38.2 Z-30 F100\nG0 X5\nG10 L20 P1 Z0\nG0 Z5\nM2\n";
+    let refusal = lifted(stored, 4).expect_err("it is refused").to_string();
+    assert!(refusal.contains("Z has not been given since G38.2"), "{refusal}");
+    lifted(&stored.replace("G10 L20 P1 Z0\n", ""), 4).expect("Z is given later");
     let program = "G21 G90\nG0 X0 Y0 Z5\nG38.2 Z-30 F100\nG91 G0 Z5\nX5\nG90 G1 X20 F600\nM2\n";
     let refusal = start(program, 6).expect_err("it is refused").to_string();
     assert!(refusal.contains("Z has not been given since G38.2"), "{refusal}");
@@ -455,6 +491,8 @@ fn what_depends_on_the_result_of_a_probe_is_refused_with_its_place() {
         ("G38.2 X5 A5", "A cannot move in a probe"),
         ("G38.2", "G38.2 without X, Y or Z"),
         ("G38.2 X0 Y0", "G38.2 ends where it begins"),
+        ("G93 G1 Z5 F10", "where Z is, which is not known since G38.2 in line 3"),
+        ("T1 M6\nG91 G0 Z5", "where Z is, which is not known since G38.2 in line 3"),
         ("G93 G38.2 X5 F1", "G94 is not in force"),
         ("G95 S100\nG38.2 X5 F1", "G94 is not in force"),
         ("G38.2 X5 F0", "needs a feed rate"),

@@ -81,6 +81,8 @@ pub(crate) struct MachinePath {
     further_at: FurtherAxes,
     /// The next element is the way of a probe.
     is_probe: bool,
+    /// Axes that no element has named since their probe.
+    probed: AxisSet,
     /// Axes that the next element moves from wherever they are.
     relative: AxisSet,
     /// A probe goes to the end of its way; else nobody knows where it ends.
@@ -118,6 +120,7 @@ impl MachinePath {
             further_shift: offsets.further_shift,
             further_at: FurtherAxes::NONE,
             is_probe: false,
+            probed: AxisSet::NONE,
             relative: AxisSet::NONE,
             misses_probes: false,
             next_element: 0,
@@ -144,7 +147,11 @@ impl MachinePath {
             (begun.systems, begun.references, begun.shift);
         (self.further_systems, self.further_shift) = (begun.further_systems, begun.further_shift);
         let (start, offset) = (path.start_of(self.next_element), self.offset());
-        self.at = std::array::from_fn(|axis| offset[axis].map(|it| it + start[axis]));
+        // Where a probe has ended, the path does not say.
+        let is_probed = self.probed;
+        self.at = std::array::from_fn(|axis| {
+            offset[axis].filter(|_| !is_probed.contains(axis)).map(|it| it + start[axis])
+        });
         self.further_at = FurtherAxes::NONE;
     }
 
@@ -217,11 +224,13 @@ impl MachinePath {
             let center = std::array::from_fn(|axis| arc.center[axis] + offset[axis].unwrap_or(0.0));
             Arc { center, ..arc }
         });
+        self.probed = self.probed.without(axes.without(self.relative));
         self.relative = AxisSet::NONE;
         let frame = MoveFrame::Work { system: self.system, offset };
         let moved = self.moved(from, arc, element.feed_mm_per_min, element.source, frame, axes);
         if std::mem::take(&mut self.is_probe) && !self.misses_probes {
             (0..3).filter(|&axis| axes.contains(axis)).for_each(|axis| self.at[axis] = None);
+            self.probed = self.probed.union(axes);
         }
         moved
     }

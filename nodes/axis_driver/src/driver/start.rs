@@ -29,12 +29,12 @@ impl Driver {
         if is_in_change && let Err(refusal) = check_block(&request.path) {
             return Some(Err(refusal));
         }
-        if let Some(line) = request.first_stored().filter(|_| request.check_only)
+        if request.check_only
             && self.context.config.check_in_controller
+            && let Some(because) = request.not_for_check_mode()
         {
-            let text = format!(
-                "the controller does not read this program in its check mode, since it would store what line {line} sets: the path is encoded only"
-            );
+            let text =
+                format!("the controller does not read this program in its check mode: {because}");
             self.context.log(LogLevel::Warn, text);
         }
         if !is_only_encoded

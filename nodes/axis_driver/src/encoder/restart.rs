@@ -104,13 +104,17 @@ pub fn start_at(
         Some(height) => {
             // At the safe height the axes may come from anywhere to where the line takes them.
             let in_plane = place.unknown.without(Z);
-            let is_taken =
-                place.unknown.contains(2) && in_plane.without(path.elements[index].axes).is_empty();
+            let given = path.elements[index].axes.without(path.relative_axes(index));
+            let is_taken = place.unknown.contains(2) && in_plane.without(given).is_empty();
             if place.untouched.contains(2) {
                 return Err(place.refuse(line, Z));
             }
             if !in_plane.is_empty() && !is_taken {
                 return Err(place.refuse(line, in_plane));
+            }
+            let counted = path.counted_from_here(index, place.unknown);
+            if !counted.is_empty() {
+                return Err(place.refuse(line, counted));
             }
             let given = AxisSet::ALL.without(place.unknown).without(place.untouched);
             encoder.push_approach(height, &restored, index, given)

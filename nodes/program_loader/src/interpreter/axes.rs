@@ -92,6 +92,11 @@ impl Axes {
         self.drifting = self.drifting.union(axes);
     }
 
+    /// What happens now may leave them elsewhere, or in another frame: no axis can be moved by so much.
+    pub(super) fn end_drift(&mut self) {
+        self.drifting = AxisSet::NONE;
+    }
+
     /// Those of some axes that can be moved by so much, wherever they are.
     pub(super) fn drifting(&self, axes: AxisSet) -> AxisSet {
         AxisSet::from_bits(axes.bits() & self.unknown.bits() & self.drifting.bits())

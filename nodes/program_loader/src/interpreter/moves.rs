@@ -211,6 +211,10 @@ impl Interpreter<'_> {
             true => AxisSet::NONE,
             false => self.axes.drifting(end.relative),
         };
+        if class == MotionClass::Feed && self.modal.feed_mode == FeedMode::InverseTime {
+            // How far it goes decides how fast.
+            relied = relied.union(self.axes.drifting(end.named));
+        }
         let is_sound = self.relies(scene, relied.without(drifting)) & self.has_feed(scene, class);
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {

@@ -125,8 +125,13 @@ impl ProgramRun {
                 named.map_or(path.elements.len(), |(index, _)| index + 1)
             }
         };
-        // Ends in the travel were judged before the run.
-        if until == next || offset.is_none() && context.config.keep_out.keep_out.is_empty() {
+        let events = &path.events[self.encoder.events_begun()..];
+        let mut events = events.iter().take_while(|event| event.at_element < until);
+        let is_relative = events.any(|it| matches!(it.action, Action::Relative { .. }));
+        // Other ends in the travel were judged before the run.
+        let is_judged = offset.is_none() && !is_relative;
+        self.probed = Some(probing.clone());
+        if until == next || is_judged && context.config.keep_out.keep_out.is_empty() {
             return self.go_on();
         }
         self.stage = Stage::Probed { until };
@@ -153,11 +158,14 @@ impl ProgramRun {
         let mut axes = self.probed_axes(probing);
         for event in events {
             while let Some((_, left)) = named.next_if(|(index, _)| *index < event.at_element) {
-                axes = left;
+                axes = AxisSet::from_bits(axes.bits() & left.bits());
             }
             match event.action {
                 _ if axes.is_empty() => return None,
-                Action::Probe(_) => return None,
+                Action::Probe(_) => {
+                    let element = self.job.request.path.elements.get(event.at_element);
+                    axes = axes.without(element.map_or(AxisSet::NONE, |it| it.axes));
+                }
                 Action::SetWorkOffset { by_position: true, axes: set, .. }
                     if (0..3).any(|axis| set.contains(axis) && axes.contains(axis)) =>
                 {
@@ -167,6 +175,18 @@ impl ProgramRun {
             }
         }
         None
+    }
+
+    /// Whether what follows counts from where the last probe has ended, which no path says.
+    pub(super) fn counts_from_probe(&self) -> bool {
+        let Some(probing) = &self.probed else { return false };
+        let path = &self.job.request.path;
+        let (first, next) = (probing.element.unwrap_or(0) + 1, self.encoder.next_element());
+        let named = |axes: AxisSet, index: usize| {
+            axes.without(path.elements[index].axes.without(path.relative_axes(index)))
+        };
+        let left = (first..next).fold(self.probed_axes(probing), named);
+        !left.is_empty() && !path.counted_from_here(next, left).is_empty()
     }
 
     fn probed_axes(&self, probing: &Probing) -> AxisSet {

@@ -73,6 +73,10 @@ impl ProgramRun {
         if self.settled(context.machine.is_held()).is_none() || self.rest.is_some() {
             return refused(error_code::BUSY, NOT_IN_A_HOLD);
         }
+        if self.counts_from_probe() {
+            let text = "what follows counts from where a probe has ended: try again after it";
+            return refused(error_code::BUSY, text);
+        }
         let Some(encoder) = self.encoder.going_on_with(Arc::clone(&request.path)) else {
             let text = "the new path differs in blocks that were sent already";
             return refused(error_code::START_POSITION, text);

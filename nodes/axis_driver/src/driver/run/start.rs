@@ -16,17 +16,24 @@ use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 impl RunRequest {
     /// Whether the path is only encoded, so that the machine does not matter.
     pub(in crate::driver) fn is_only_encoded(&self, context: &Context) -> bool {
-        let stores = self.first_stored().is_some();
-        self.check_only && (!context.config.check_in_controller || stores)
+        let is_left_out = self.not_for_check_mode().is_some();
+        self.check_only && (!context.config.check_in_controller || is_left_out)
     }
 
-    /// The first line that makes the controller store something, which it does in its check mode too.
-    pub(in crate::driver) fn first_stored(&self) -> Option<u32> {
-        let stores = |action: &Action| {
-            matches!(action, Action::SetWorkOffset { .. } | Action::StoreReference { .. })
+    /// Why the controller cannot read the path in its check mode: it would store offsets all the same,
+    /// and where a probe ends it does not know.
+    pub(in crate::driver) fn not_for_check_mode(&self) -> Option<String> {
+        let because = |action: &Action| match action {
+            Action::SetWorkOffset { .. } | Action::StoreReference { .. } => {
+                Some("would be stored there, too")
+            }
+            Action::Probe(_) => Some("probes nothing there"),
+            _ => None,
         };
-        let event = self.path.events.iter().find(|event| stores(&event.action));
-        event.map(|event| event.source.line)
+        self.path.events.iter().find_map(|event| {
+            let (action, line) = (event.action.text(), event.source.line);
+            Some(format!("{action} in line {line} {}", because(&event.action)?))
+        })
     }
 
     /// Why a path cannot be run where the machine's zero is not known: it goes to places of
