@@ -186,10 +186,22 @@ fn a_probe_may_take_minutes() {
 }
 
 #[test]
+fn the_result_of_a_probe_is_asked_for_where_it_does_not_come() {
+    let mut line = machine(Firmware::Grbl, -62.0);
+    line.start(path(TOUCH_OFF), 0);
+    line.until("it probes", |line| line.state().reason.starts_with("PROBE"));
+    line.inject("mute:PRB");
+    let result = line.result();
+    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
+    assert!(has_said(&line, "line 3: the probe touched at"), "{:#?}", line.log);
+}
+
+#[test]
 fn a_probe_whose_result_is_lost_ends_the_run() {
     let mut line = machine(Firmware::Grbl, -62.0);
     line.start(path(TOUCH_OFF), 0);
     line.until("it probes", |line| line.state().reason.starts_with("PROBE"));
+    line.inject("mute:PRB");
     line.inject("mute:PRB");
     let result = line.result();
     assert_eq!(result.error_code, error_code::PROBE_FAILED, "{result:?}");

@@ -28,6 +28,8 @@ pub(super) struct Probing {
     element: Option<usize>,
     /// Where it has touched, machine frame, and whether it has.
     touch: Option<(Position, bool)>,
+    /// The controller has said nothing of it by itself, and was asked.
+    is_asked: bool,
 }
 
 impl Probing {
@@ -44,7 +46,8 @@ impl ProgramRun {
     /// All motion has ended: sends the line of the probe.
     pub(super) fn begin_probe(&mut self, context: &mut Context, line: EncodedLine, probe: Probe) {
         let EncodedLine { text, kind, element, source_line, events, .. } = line;
-        self.stage = Stage::Probing(Probing { probe, source_line, element, touch: None });
+        let (touch, is_asked) = (None, false);
+        self.stage = Stage::Probing(Probing { probe, source_line, element, touch, is_asked });
         self.job.has_sent = true;
         self.is_alone = true;
         self.watch_line(&text, source_line, element);
@@ -61,9 +64,14 @@ impl ProgramRun {
         }
     }
 
-    /// The line of the probe was answered.
+    /// The line of the probe was answered, or the question after it.
     pub(super) fn end_probe(&mut self, context: &mut Context) -> Option<Exit> {
-        let Stage::Probing(probing) = &self.stage else { return None };
+        let Stage::Probing(probing) = &mut self.stage else { return None };
+        if probing.touch.is_none() && !std::mem::replace(&mut probing.is_asked, true) {
+            // The report was lost, or is switched off ($10 of grblHAL); the offsets have it at their end.
+            context.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::Offsets);
+            return None;
+        }
         let probing = probing.clone();
         let place = self.job.place_of_line(probing.source_line, probing.element);
         let ends = if probing.probe.away { "let go" } else { "touched" };

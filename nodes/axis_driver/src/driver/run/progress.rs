@@ -161,9 +161,13 @@ impl ProgramRun {
         if context.link.unanswered() == 0 {
             self.is_alone = false;
         }
-        if matches!(origin, Origin::Offsets) && matches!(self.stage, Stage::Probed { .. }) {
-            self.judge_from_probe(context);
-            return None;
+        match (&origin, &self.stage) {
+            (Origin::Offsets, Stage::Probing(_)) => return self.end_probe(context),
+            (Origin::Offsets, Stage::Probed { .. }) => {
+                self.judge_from_probe(context);
+                return None;
+            }
+            _ => {}
         }
         if matches!(origin, Origin::Offsets) {
             self.has_asked_offsets(error.is_none());
