@@ -125,6 +125,35 @@ fn after_a_probe_the_tool_moves_by_so_much_from_where_it_has_touched() {
 }
 
 #[test]
+fn a_probe_that_the_controller_has_not_run_ends_the_run() {
+    // The line becomes a comment, and what is known of a probe is of the one before.
+    for (first, damaged) in [("G91G38.2Z-4", "(91G38.2Z-4"), ("G91G38.2Z-30", "(91G38.2Z-30")] {
+        let mut line = machine(Firmware::GrblHal, -62.0);
+        line.start(
+            path(&TWICE.replace("G21 G91", "G21 G90\nG0 Z1\nG38.2 Z-30 F600\nG91 G0 Z3")),
+            0,
+        );
+        line.spoil_next(move |bytes| {
+            let text = String::from_utf8_lossy(bytes);
+            text.contains(first).then(|| text.replace(first, damaged).into_bytes())
+        });
+        let result = line.result();
+        assert_eq!(result.error_code, error_code::PROBE_FAILED, "{damaged}: {result:?}");
+        assert!(result.message.contains("is not on the way of the tool"), "{damaged}: {result:?}");
+    }
+    // One that may miss has to be at the end of its way then.
+    let mut line = machine(Firmware::GrblHal, -90.0);
+    line.start(path("G21 G90\nG0 Z1\nG38.3 Z-5 F100\nG0 Z5\nM2\n"), 0);
+    line.spoil_next(|bytes| {
+        let text = String::from_utf8_lossy(bytes);
+        text.contains("G38.3").then(|| text.replace("G38.3", "(38.3").into_bytes())
+    });
+    line.until("a hold", |line| line.mode() == Mode::Hold || line.finished.is_some());
+    let reason = line.state().reason;
+    assert!(reason.contains("PATH_DEVIATION"), "{reason} {:?}", line.finished);
+}
+
+#[test]
 fn a_damaged_way_back_from_a_probe_is_held() {
     let mut line = machine(Firmware::GrblHal, -62.0);
     line.start(path(TWICE), 0);

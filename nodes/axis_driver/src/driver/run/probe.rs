@@ -13,12 +13,14 @@ use crate::driver::context::{Context, Origin};
 use crate::driver::output::LogLevel;
 use crate::encoder::EncodedLine;
 use crate::link::LineKind;
-use crate::vectors::{minus, norm};
+use crate::vectors::{dot, minus, norm, unit};
 use cnc_msgs::contour::{Action, Probe};
 use cnc_msgs::geometry::{AxisSet, Position};
 
 /// How far beyond the place where it has touched a probe may stop without a warning, mm.
 const BEYOND_MM: f64 = 0.02;
+/// How far from the way of the tool a touch may be reported: steps and rounding, mm.
+const OFF_WAY_MM: f64 = 0.1;
 
 /// A probe that is under way.
 #[derive(Debug, Clone)]
@@ -26,6 +28,8 @@ pub(super) struct Probing {
     probe: Probe,
     source_line: u32,
     element: Option<usize>,
+    /// Where the tool stood before, machine frame.
+    began: Option<Position>,
     /// Where it has touched, machine frame, and whether it has.
     touch: Option<(Position, bool)>,
     /// The controller has said nothing of it by itself, and was asked.
@@ -35,6 +39,28 @@ pub(super) struct Probing {
 impl Probing {
     pub(super) fn reason(&self) -> String {
         format!("PROBE: {} in line {}", self.probe.word(), self.source_line)
+    }
+
+    /// Whether it has ended before the end of its way.
+    pub(super) fn has_touched(&self) -> bool {
+        self.touch.is_some_and(|(_, has_touched)| has_touched)
+    }
+
+    /// Why the tool cannot have touched there and stopped here: the controller has not run the line.
+    fn contradiction(&self, stands: Option<Position>) -> Option<String> {
+        let (touch, _) = self.touch.filter(|_| self.has_touched())?;
+        let (began, stands) = self.began.zip(stands)?;
+        let direction = unit(minus(stands, began));
+        let along = dot(minus(touch, began), direction).clamp(0.0, norm(minus(stands, began)));
+        let nearest: Position = std::array::from_fn(|axis| began[axis] + along * direction[axis]);
+        (norm(minus(touch, nearest)) > OFF_WAY_MM).then(|| {
+            format!(
+                "the controller says that the probe touched at {}, which is not on the way of the tool from {} to {} in the machine frame: it has not run the line as it was sent",
+                show(touch),
+                show(began),
+                show(stands)
+            )
+        })
     }
 }
 
@@ -46,8 +72,10 @@ impl ProgramRun {
     /// All motion has ended: sends the line of the probe.
     pub(super) fn begin_probe(&mut self, context: &mut Context, line: EncodedLine, probe: Probe) {
         let EncodedLine { text, kind, element, source_line, events, .. } = line;
+        let began = context.machine.machine_position();
         let (touch, is_asked) = (None, false);
-        self.stage = Stage::Probing(Probing { probe, source_line, element, touch, is_asked });
+        self.stage =
+            Stage::Probing(Probing { probe, source_line, element, began, touch, is_asked });
         self.job.has_sent = true;
         self.is_alone = true;
         self.watch_line(&text, source_line, element);
@@ -108,7 +136,12 @@ impl ProgramRun {
     }
 
     /// The machine stands where the probe has ended.
-    pub(super) fn after_probe(&mut self, context: &mut Context, probing: &Probing) {
+    pub(super) fn after_probe(&mut self, context: &mut Context, probing: &Probing) -> Option<Exit> {
+        if let Some(text) = probing.contradiction(context.machine.machine_position()) {
+            self.job.blamed_line = probing.source_line;
+            let place = self.job.place_of_line(probing.source_line, probing.element);
+            return Some(Exit::abort(error_code::PROBE_FAILED, format!("{place}: {text}")));
+        }
         let offset = self.offset_after(probing);
         if let (Some(line), Some((touch, true)), Some(at)) =
             (offset, probing.touch, context.machine.machine_position())
@@ -140,10 +173,12 @@ impl ProgramRun {
         let is_judged = offset.is_none() && !is_relative;
         self.probed = Some(probing.clone());
         if until == next || is_judged && context.config.keep_out.keep_out.is_empty() {
-            return self.go_on();
+            self.go_on();
+            return None;
         }
         self.stage = Stage::Probed { until };
         context.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::Offsets);
+        None
     }
 
     /// Judges what follows from where the machine stands, with the offsets that the controller has.

@@ -314,7 +314,7 @@ impl ProgramRun {
             }
             Then::BlockEnd(block) => self.stage = Stage::BlockEnd(block),
             Then::Probe { line, probe } => self.begin_probe(context, line, probe),
-            Then::Probed(probing) => self.after_probe(context, &probing),
+            Then::Probed(probing) => return self.after_probe(context, &probing),
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
             Then::Home { text, axes, source_line } => {
                 let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;

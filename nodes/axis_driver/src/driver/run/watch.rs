@@ -167,7 +167,9 @@ impl ProgramRun {
         }
         let at = context.machine.machine_position();
         let further = context.machine.further_machine();
-        if let Then::Probed(_) = then {
+        if let Then::Probed(probing) = then
+            && probing.has_touched()
+        {
             // It has ended before the end of its line; all else is in force.
             if let Some(watch) = &mut self.watch.watch {
                 watch.begin_again(None, at, further);
