@@ -2,6 +2,7 @@
 
 mod entry;
 mod runs;
+mod unknown;
 
 use crate::calls::Calls;
 use crate::contour::{Action, CutterSide, Source};
@@ -9,6 +10,7 @@ use crate::geometry::{AxisSet, Position, Shape};
 
 pub use entry::{Entry, NoEntry, StartInSpan, in_force};
 pub use runs::RunOfLine;
+pub use unknown::UnknownAxes;
 
 /// The path of the tool centre, with everything that happens along it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -136,43 +138,6 @@ impl CompensatedPath {
     /// Where the element of this index starts.
     pub fn start_of(&self, index: usize) -> Position {
         if index == 0 { self.start } else { self.elements[index - 1].end }
-    }
-
-    /// The axes that the element of this index moves from wherever they are.
-    pub fn relative_axes(&self, index: usize) -> AxisSet {
-        let first = self.events.partition_point(|event| event.at_element < index);
-        let events = self.events[first..].iter().take_while(|event| event.at_element == index);
-        let axes = events.filter_map(|event| match event.action {
-            Action::Relative { axes } => Some(axes),
-            _ => None,
-        });
-        axes.fold(AxisSet::NONE, AxisSet::union)
-    }
-
-    /// Those of some axes whose place before the element of this index counts: it, or one after it,
-    /// moves them by so much, or a work offset is set by it, before an element names them.
-    pub fn counted_from_here(&self, index: usize, axes: AxisSet) -> AxisSet {
-        let both = |a: AxisSet, b: AxisSet| AxisSet::from_bits(a.bits() & b.bits());
-        let mut left = axes;
-        let first = self.events.partition_point(|event| event.at_element < index);
-        let mut events = self.events[first..].iter().peekable();
-        for (number, element) in self.elements.iter().enumerate().skip(index) {
-            while let Some(event) = events.next_if(|event| event.at_element <= number) {
-                let counted = match event.action {
-                    Action::Relative { axes } => axes,
-                    Action::SetWorkOffset { by_position: true, axes, .. } => axes,
-                    _ => AxisSet::NONE,
-                };
-                if !both(counted, left).is_empty() {
-                    return both(counted, left);
-                }
-            }
-            left = left.without(element.axes);
-            if left.is_empty() {
-                break;
-            }
-        }
-        AxisSet::NONE
     }
 
     /// Whether the element of this index is a rapid.

@@ -12,6 +12,7 @@ mod arc_lines;
 mod config;
 mod firmware_arc;
 mod further;
+mod probe;
 mod problem;
 mod restart;
 mod resume;
@@ -20,13 +21,14 @@ pub(crate) mod words;
 use crate::link::LineKind;
 use crate::vectors::{minus, norm};
 use arc_lines::RestOfArc;
-use cnc_msgs::contour::{Action, Probe, Source, SpindleMode};
+use cnc_msgs::contour::{Probe, Source, SpindleMode};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Plane, Position, Shape};
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use firmware_arc::{DrawingFrame, last_place};
 pub(crate) use further::DEGREES_MAX;
 use further::HeldFurther;
+use probe::{motion_words, no_motion};
 use std::collections::VecDeque;
 use std::sync;
 use words::{to_grid, write_word};
@@ -307,14 +309,6 @@ impl Encoder {
         self.push_absolute(relative, element.source)
     }
 
-    /// G90 again, after a line that has moved axes from wherever they were.
-    fn push_absolute(&mut self, relative: AxisSet, source: Source) -> Result<(), EncodeProblem> {
-        match relative.is_empty() {
-            true => Ok(()),
-            false => self.push_action("G90".into(), LineKind::Motion, false, source),
-        }
-    }
-
     /// The beginning of a line that cuts this element.
     fn line_number(&self, index: usize) -> String {
         let mut text = String::with_capacity(60);
@@ -434,29 +428,6 @@ pub fn line_number(element: usize) -> usize {
 const STEP_MM_MAX: f64 = 0.005;
 /// The firmware takes no more.
 const LINE_NUMBERS: usize = 9_999_999;
-
-/// Axes that are to move from wherever they are, and nothing that moves them so.
-fn no_motion(relative: AxisSet) -> EncodeProblem {
-    EncodeProblem::NoMotion { words: Action::Relative { axes: relative }.text() }
-}
-
-/// The words of a motion: where it ends, or how far it goes where axes are `relative`.
-fn motion_words(
-    named: AxisSet,
-    start: Position,
-    end: Position,
-    relative: AxisSet,
-) -> (AxisSet, String) {
-    if relative.is_empty() {
-        return axis_words(named, start, end);
-    }
-    let (axes, _) = axis_words(named, start, end);
-    let mut text = String::new();
-    for axis in (0..3).filter(|&axis| axes.contains(axis)) {
-        write_word(&mut text, AXIS_LETTERS[axis], to_grid(end[axis]) - to_grid(start[axis]));
-    }
-    (axes, text)
-}
 
 /// The words of the axes that are named or change, in the order X Y Z.
 fn axis_words(named: AxisSet, start: Position, end: Position) -> (AxisSet, String) {

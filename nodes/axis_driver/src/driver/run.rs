@@ -75,8 +75,6 @@ pub(super) struct ProgramRun {
     judged_by: Option<StoredOffsets>,
     /// It is judged by others, before the first words are sent.
     judged_again: Option<Box<WorkplaceCheck>>,
-    /// The last probe.
-    probed: Option<Probing>,
     watch: RunWatch,
 }
 
@@ -197,7 +195,6 @@ impl ProgramRun {
             progress: None,
             judged_by,
             judged_again: None,
-            probed: None,
             watch: RunWatch::default(),
         }
     }

@@ -1,12 +1,13 @@
 //! All that is not motion of the contour, as grbl says it or cannot.
 
+use super::probe::no_motion;
 use super::words::{to_grid, write_word};
 use super::{
     EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal, PREAMBLE_IN_FRAME,
-    motion_words, no_motion, spindle_word,
+    spindle_word,
 };
 use crate::link::LineKind;
-use cnc_msgs::contour::{Action, CoolantMode, Probe, Source, work_system};
+use cnc_msgs::contour::{Action, CoolantMode, Source, work_system};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
@@ -216,36 +217,11 @@ impl Encoder {
     }
 
     /// The element that comes next, if it is of this block and nothing stands in between.
-    fn next_of_block(&self, source: Source) -> Option<PathElement> {
+    pub(super) fn next_of_block(&self, source: Source) -> Option<PathElement> {
         let index = self.next_element;
         let is_next = self.path.events.get(self.next_event).is_none_or(|it| it.at_element > index);
         let element = self.path.elements.get(index).copied();
         element.filter(|it| is_next && it.source == source && it.shape == Shape::Line)
-    }
-
-    /// The element after it is the way of the probe, and nothing stands in between.
-    fn encode_probe(&mut self, probe: Probe, source: Source) -> Result<(), EncodeProblem> {
-        let index = self.next_element;
-        let Some(element) = self.next_of_block(source).filter(|it| it.feed_mm_per_min.is_some())
-        else {
-            return Err(EncodeProblem::NoMotion { words: probe.word().into() });
-        };
-        self.next_element += 1;
-        let start = self.path.start_of(index);
-        self.check_ends(start, element.end)?;
-        let relative = std::mem::take(&mut self.relative);
-        let (axes, words) = motion_words(element.axes, start, element.end, relative);
-        let mut text = self.line_number(index);
-        text += if relative.is_empty() { "" } else { "G91" };
-        text = text + probe.word() + &words;
-        self.write_feed(&mut text, element.feed_mm_per_min)?;
-        self.modal.motion = None;
-        self.modal.forget(axes, probe.word());
-        self.push_motion(text, LineKind::Slow, index, &element)?;
-        if let Some(EncoderStep::Line(line)) = self.pending.pop_back() {
-            self.pending.push_back(EncoderStep::Probe { line, probe });
-        }
-        self.push_absolute(relative, source)
     }
 
     fn encode_coolant(&mut self, mode: CoolantMode, source: Source) -> Result<(), EncodeProblem> {

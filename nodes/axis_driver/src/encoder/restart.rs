@@ -20,7 +20,7 @@ use cnc_msgs::contour::Action;
 use cnc_msgs::further::{FurtherAxes, FurtherMove};
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::{
-    CompensatedPath, NoEntry, PathElement, PathEvent, Role, StartInSpan, in_force,
+    CompensatedPath, NoEntry, PathElement, PathEvent, Role, StartInSpan, UnknownAxes, in_force,
 };
 use std::sync::Arc;
 
@@ -112,7 +112,7 @@ pub fn start_at(
             if !in_plane.is_empty() && !is_taken {
                 return Err(place.refuse(line, in_plane));
             }
-            let counted = path.counted_from_here(index, place.unknown);
+            let counted = counted(&path.unknown_from(index, place.unknown));
             if !counted.is_empty() {
                 return Err(place.refuse(line, counted));
             }
@@ -132,6 +132,19 @@ pub fn start_at(
         StartProblem::Encode(Box::new(EncodeError::new(&path, source_place, problem)))
     })?;
     Ok((encoder, index))
+}
+
+impl Encoder {
+    /// Whether what follows counts from a place that the path does not say.
+    pub(crate) fn counts_from_unknown(&self) -> bool {
+        let place = KnownPlace::before(&self.path, self.next_element, self.next_event);
+        !counted(&self.path.unknown_from(self.next_element, place.unknown)).is_empty()
+    }
+}
+
+/// The axes whose place counts, although the path does not say it.
+fn counted(unknown: &UnknownAxes) -> AxisSet {
+    unknown.zeroed.map_or(unknown.relative, |(_, axes)| axes.union(unknown.relative))
 }
 
 /// The words before a line that are sent again: work offsets that the controller is to store, then

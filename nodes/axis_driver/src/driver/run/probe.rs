@@ -14,8 +14,9 @@ use crate::driver::output::LogLevel;
 use crate::encoder::EncodedLine;
 use crate::link::LineKind;
 use crate::vectors::{dot, minus, norm, unit};
-use cnc_msgs::contour::{Action, Probe};
+use cnc_msgs::contour::Probe;
 use cnc_msgs::geometry::{AxisSet, Position};
+use cnc_msgs::path::UnknownAxes;
 
 /// How far beyond the place where it has touched a probe may stop without a warning, mm.
 const BEYOND_MM: f64 = 0.02;
@@ -113,8 +114,8 @@ impl ProgramRun {
                 context.log(LogLevel::Info, text);
                 None
             }
-            Some(_) if probing.probe.may_miss => match self.offset_after(&probing) {
-                Some(line) => Some(format!(
+            Some(_) if probing.probe.may_miss => match self.after(&probing).zeroed {
+                Some((line, _)) => Some(format!(
                     "{nowhere}, and line {line} would set the zero where it has ended: with {} that is an alarm",
                     Probe { may_miss: false, ..probing.probe }.word()
                 )),
@@ -142,9 +143,9 @@ impl ProgramRun {
             let place = self.job.place_of_line(probing.source_line, probing.element);
             return Some(Exit::abort(error_code::PROBE_FAILED, format!("{place}: {text}")));
         }
-        let offset = self.offset_after(probing);
-        if let (Some(line), Some((touch, true)), Some(at)) =
-            (offset, probing.touch, context.machine.machine_position())
+        let UnknownAxes { until, relative, zeroed } = self.after(probing);
+        if let (Some((line, _)), Some((touch, true)), Some(at)) =
+            (zeroed, probing.touch, context.machine.machine_position())
         {
             let beyond = norm(minus(at, touch));
             if beyond > BEYOND_MM {
@@ -157,25 +158,14 @@ impl ProgramRun {
                 );
             }
         }
-        let path = &self.job.request.path;
-        let next = self.encoder.next_element();
-        let until = match offset {
-            Some(_) => path.elements.len(),
-            None => {
-                let named = self.named_after(probing).last();
-                named.map_or(path.elements.len(), |(index, _)| index + 1)
-            }
-        };
-        let events = &path.events[self.encoder.events_begun()..];
-        let mut events = events.iter().take_while(|event| event.at_element < until);
-        let is_relative = events.any(|it| matches!(it.action, Action::Relative { .. }));
         // Other ends in the travel were judged before the run.
-        let is_judged = offset.is_none() && !is_relative;
-        self.probed = Some(probing.clone());
-        if until == next || is_judged && context.config.keep_out.keep_out.is_empty() {
+        let is_judged = zeroed.is_none() && relative.is_empty();
+        if is_judged && context.config.keep_out.keep_out.is_empty() {
             self.go_on();
             return None;
         }
+        // With another zero all that follows is somewhere else.
+        let until = zeroed.map_or(until, |_| self.job.request.path.elements.len());
         self.stage = Stage::Probed { until };
         context.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::Offsets);
         None
@@ -193,62 +183,11 @@ impl ProgramRun {
         }
     }
 
-    /// The line that sets a work offset by the place of an axis that the program has not named since
-    /// the probe.
-    fn offset_after(&self, probing: &Probing) -> Option<u32> {
-        let events = &self.job.request.path.events[self.encoder.events_begun()..];
-        let mut named = self.named_after(probing).peekable();
-        let mut axes = self.probed_axes(probing);
-        for event in events {
-            while let Some((_, left)) = named.next_if(|(index, _)| *index < event.at_element) {
-                axes = AxisSet::from_bits(axes.bits() & left.bits());
-            }
-            match event.action {
-                _ if axes.is_empty() => return None,
-                Action::Probe(_) => {
-                    let element = self.job.request.path.elements.get(event.at_element);
-                    axes = axes.without(element.map_or(AxisSet::NONE, |it| it.axes));
-                }
-                Action::SetWorkOffset { by_position: true, axes: set, .. }
-                    if (0..3).any(|axis| set.contains(axis) && axes.contains(axis)) =>
-                {
-                    return Some(event.source.line);
-                }
-                _ => {}
-            }
-        }
-        None
-    }
-
-    /// Whether what follows counts from where the last probe has ended, which no path says.
-    pub(super) fn counts_from_probe(&self) -> bool {
-        let Some(probing) = &self.probed else { return false };
+    /// What follows does with the axes of the probe.
+    fn after(&self, probing: &Probing) -> UnknownAxes {
         let path = &self.job.request.path;
-        let (first, next) = (probing.element.unwrap_or(0) + 1, self.encoder.next_element());
-        let named = |axes: AxisSet, index: usize| {
-            axes.without(path.elements[index].axes.without(path.relative_axes(index)))
-        };
-        let left = (first..next).fold(self.probed_axes(probing), named);
-        !left.is_empty() && !path.counted_from_here(next, left).is_empty()
-    }
-
-    fn probed_axes(&self, probing: &Probing) -> AxisSet {
-        let element = probing.element.and_then(|index| self.job.request.path.elements.get(index));
-        element.map_or(AxisSet::NONE, |element| element.axes)
-    }
-
-    /// The elements after the probe, with the axes that none of them has named up to its end, until
-    /// none is left.
-    fn named_after(&self, probing: &Probing) -> impl Iterator<Item = (usize, AxisSet)> {
-        let first = self.encoder.next_element();
-        let path = &self.job.request.path;
-        let elements = path.elements[first..].iter().zip(first..);
-        elements.scan(self.probed_axes(probing), move |left, (element, index)| {
-            if left.is_empty() {
-                return None;
-            }
-            *left = left.without(element.axes.without(path.relative_axes(index)));
-            Some((index, *left))
-        })
+        let element = probing.element.and_then(|index| path.elements.get(index));
+        let axes = element.map_or(AxisSet::NONE, |element| element.axes);
+        path.unknown_from(self.encoder.next_element(), axes)
     }
 }

@@ -73,8 +73,8 @@ impl ProgramRun {
         if self.settled(context.machine.is_held()).is_none() || self.rest.is_some() {
             return refused(error_code::BUSY, NOT_IN_A_HOLD);
         }
-        if self.counts_from_probe() {
-            let text = "what follows counts from where a probe has ended: try again after it";
+        if self.encoder.counts_from_unknown() {
+            let text = "what follows counts from a place that the path does not say, as after a probe: try again after it";
             return refused(error_code::BUSY, text);
         }
         let Some(encoder) = self.encoder.going_on_with(Arc::clone(&request.path)) else {
