@@ -65,6 +65,8 @@ pub(crate) enum Trouble {
     },
     /// The position that a parameter stands for depends on the radius of the tool.
     CompensatedPosition,
+    /// The parameter is the result of a probe.
+    Probed,
     /// A parameter whose value this machine does not have.
     NotHere {
         what: String,
@@ -103,6 +105,9 @@ impl Trouble {
             Self::CompensatedPosition => {
                 format!("{quote} cannot be read under cutter radius compensation")
             }
+            Self::Probed => format!(
+                "{quote} is the result of a probe, which is known only while the machine runs"
+            ),
             Self::NotHere { what } => format!("{quote} is {what}"),
         }
     }
@@ -148,6 +153,9 @@ impl Trouble {
                 format!("move {axis} with G90 and G0 or G1 before this block")
             }
             Self::CompensatedPosition => "read it before G41 or G42, or after G40".to_owned(),
+            Self::Probed => "set the zero where the probe has touched with G10 L20, and write \
+                             places as numbers from there"
+                .to_owned(),
             Self::NotHere { .. } => "write the value as a number".to_owned(),
         }
     }

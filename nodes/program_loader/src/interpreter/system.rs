@@ -15,9 +15,8 @@ use cnc_msgs::geometry::{AxisSet, Plane};
 type Value = Option<Result<f64, Trouble>>;
 
 /// Parameters of the machine, by their numbers, that a plan cannot know.
-const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 7] = [
+const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 6] = [
     (5021..=5029, "a position in machine coordinates, which is known only while the machine runs"),
-    (5061..=5070, "the result of a probe, which is known only while the machine runs"),
     (5081..=5089, "a tool length, which the loader does not know"),
     (
         5161..=5199,
@@ -44,6 +43,7 @@ impl Interpreter<'_> {
             return Some(Err(Trouble::NotHere { what: (*what).to_owned() }));
         }
         match number {
+            5061..=5070 => Some(Err(Trouble::Probed)),
             5210 => Some(Ok(truth(self.is_shifted()))),
             5211..=5213 => Some(Ok(self.modal.kept_shift[(number - 5211) as usize])),
             5214..=5219 => {
