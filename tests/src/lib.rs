@@ -59,7 +59,8 @@ pub fn files(ending: &str) -> Vec<PathBuf> {
             let path = entry.expect("its entries too").path();
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             if path.is_dir() {
-                if name != "target" && !name.starts_with('.') {
+                // What is of others keeps their form.
+                if name != "target" && name != "third_party" && !name.starts_with('.') {
                     walk(&path, ending, found);
                 }
             } else if name.ends_with(ending) {
