@@ -11,6 +11,7 @@ use runtime::zenoh_settings::RouterCheck;
 use runtime::{CallError, Qos, Router, ServiceMapping, Session};
 use std::collections::BTreeMap;
 use std::net::TcpListener;
+use std::sync::Arc;
 use std::time::Duration;
 
 const ZENOH: (&str, &str) = ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp");
@@ -127,6 +128,32 @@ async fn services_answer_all_clients_and_know_their_processes() {
     assert!(matches!(refused, Err(CallError::NoServer { .. })), "{refused:?}");
     drop((heartbeat, client, nobody, log));
     server.stop().await;
+    node.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_call_ends_at_once_when_its_server_does() {
+    let place = Place::new();
+    let (server, node) = (place.start("server"), place.start("client"));
+    let asked = Arc::new(tokio::sync::Notify::new());
+    let told = Arc::clone(&asked);
+    server
+        .handle()
+        .concurrent_service::<Trigger, _, _>("hold", move |_, _| {
+            told.notify_one();
+            std::future::pending()
+        })
+        .expect("service");
+    let client = node.handle().client::<Trigger>("hold").expect("client");
+    let within = 10 * common::PATIENCE;
+    let call = client.call_within(TriggerRequest::default(), within);
+    let end = async {
+        asked.notified().await;
+        server.stop().await;
+    };
+    let (answer, ()) = soon("the end of the call", futures::future::join(call, end)).await;
+    assert!(matches!(answer, Err(CallError::Lost { .. })), "{answer:?}");
+    drop(client);
     node.stop().await;
 }
 

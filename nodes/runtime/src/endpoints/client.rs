@@ -5,7 +5,7 @@
 //! takes on this side: a server that has not yet matched this client loses the request.
 
 use crate::endpoints::graph::Graph;
-use crate::endpoints::requests::Requests;
+use crate::endpoints::requests::{Requests, Sent};
 use crate::endpoints::subscription::Reader;
 use crate::endpoints::wire::CycloneHeader;
 use crate::samples::gid::Gid;
@@ -30,6 +30,8 @@ const SETTLE: Duration = Duration::from_millis(100);
 const WAY_WITHIN: Duration = Duration::from_secs(3);
 /// Between two looks for it.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
+/// How long a reply that has arrived may take to its call.
+const HANDED_OVER_WITHIN: Duration = Duration::from_millis(200);
 /// After this long an idempotent request is sent again.
 const RESEND_AFTER: Duration = Duration::from_secs(1);
 
@@ -55,6 +57,12 @@ pub enum CallError {
          the same?)", waited.as_secs_f64()
     )]
     NoAnswer { service: String, waited: Duration },
+    /// It had the request, and is gone or has dropped it.
+    #[error(
+        "{service} did not answer, and will not: the connection to its node was lost, or the node has ended; \
+         what was asked may have been done: look before you ask again"
+    )]
+    Lost { service: String },
     /// There is a server, but requests do not get there.
     #[error(
         "no router of Zenoh passes requests of this node on to {service}, which there is: the node \
@@ -236,11 +244,17 @@ impl Shared {
         answer_within: Duration,
     ) -> Result<Answer, CallError> {
         self.wait_for_way(SERVER_WITHIN).await?;
-        let (sequence, answer) = self.send(request)?;
+        let (Sent { sequence, open }, mut answer) = self.send(request)?;
         let _forget = Forget { shared: self, sequences: vec![sequence] };
-        match tokio::time::timeout(answer_within, answer).await {
+        tokio::select! {
+            biased;
+            Ok(answer) = &mut answer => return Ok(answer),
+            () = closed(open) => {}
+            () = tokio::time::sleep(answer_within) => return Err(self.no_answer(answer_within)),
+        }
+        match tokio::time::timeout(HANDED_OVER_WITHIN, answer).await {
             Ok(Ok(answer)) => Ok(answer),
-            _ => Err(self.no_answer(answer_within)),
+            _ => Err(CallError::Lost { service: self.name.clone() }),
         }
     }
 
@@ -255,7 +269,7 @@ impl Shared {
         let mut answers = Vec::new();
         self.wait_for_way(answer_within.min(SERVER_WITHIN)).await?;
         loop {
-            let (sequence, answer) = self.send(request)?;
+            let (Sent { sequence, .. }, answer) = self.send(request)?;
             forget.sequences.push(sequence);
             answers.push(answer);
             let left = answer_within.saturating_sub(start.elapsed());
@@ -270,18 +284,27 @@ impl Shared {
         }
     }
 
-    fn send(&self, request: &[u8]) -> Result<(i64, oneshot::Receiver<Answer>), CallError> {
+    fn send(&self, request: &[u8]) -> Result<(Sent, oneshot::Receiver<Answer>), CallError> {
         let mut calls = self.calls();
         let not_sent = |reason| CallError::NotSent { service: self.name.clone(), reason };
-        let sequence = calls.requests.send(request).map_err(not_sent)?;
+        let sent = calls.requests.send(request).map_err(not_sent)?;
         // The reply cannot overtake this: its receiver needs the same lock.
         let (sender, receiver) = oneshot::channel();
-        calls.waiting.insert(sequence, sender);
-        Ok((sequence, receiver))
+        calls.waiting.insert(sent.sequence, sender);
+        Ok((sent, receiver))
     }
 
     fn no_answer(&self, waited: Duration) -> CallError {
         CallError::NoAnswer { service: self.name.clone(), waited }
+    }
+}
+
+/// Waits until no further reply will come; for ever where the middleware does not say so.
+async fn closed(open: Option<oneshot::Receiver<()>>) {
+    match open {
+        // Nothing is ever sent on it.
+        Some(open) => drop(open.await),
+        None => std::future::pending().await,
     }
 }
 

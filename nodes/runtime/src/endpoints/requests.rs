@@ -5,6 +5,15 @@ use crate::rustdds::padded::Padded;
 use crate::samples::gid::Gid;
 use rustdds::no_key::DataWriterCdr;
 use rustdds::{Timestamp, WriteOptionsBuilder};
+use tokio::sync::oneshot;
+
+/// A request that was sent.
+pub(crate) struct Sent {
+    /// Its number at this client.
+    pub(crate) sequence: i64,
+    /// Is closed when no further reply will come, where the middleware says so.
+    pub(crate) open: Option<oneshot::Receiver<()>>,
+}
 
 /// Numbers the requests of a client and sends them.
 pub(crate) enum Requests {
@@ -14,12 +23,16 @@ pub(crate) enum Requests {
 }
 
 impl Requests {
-    /// Sends the CDR of a request; returns its number.
-    pub(crate) fn send(&mut self, body: &[u8]) -> Result<i64, String> {
+    /// Sends the CDR of a request.
+    pub(crate) fn send(&mut self, body: &[u8]) -> Result<Sent, String> {
         match self {
-            Self::Dds(requests) => requests.send(body),
+            Self::Dds(requests) => {
+                requests.send(body).map(|sequence| Sent { sequence, open: None })
+            }
             #[cfg(feature = "zenoh")]
-            Self::Zenoh(requests) => requests.send(body),
+            Self::Zenoh(requests) => {
+                requests.send(body).map(|(sequence, open)| Sent { sequence, open: Some(open) })
+            }
         }
     }
 

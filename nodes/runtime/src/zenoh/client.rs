@@ -10,6 +10,7 @@ use crate::zenoh::link::beside_other_tasks;
 use crate::zenoh::names::gid_of;
 use crate::zenoh::publisher::BYTES_MAX;
 use std::sync::Arc;
+use tokio::sync::oneshot;
 use zenoh::Wait;
 use zenoh::query::{Querier, Reply};
 
@@ -44,8 +45,9 @@ impl Requests {
         self.querier.matching_status().wait().map_or(true, |status| status.matching())
     }
 
-    /// Sends the CDR of a request; returns its number.
-    pub(crate) fn send(&mut self, body: &[u8]) -> Result<i64, String> {
+    /// Sends the CDR of a request; returns its number, and what is closed when its replies have come
+    /// or none will: the server has it no more, or the link to it was lost.
+    pub(crate) fn send(&mut self, body: &[u8]) -> Result<(i64, oneshot::Receiver<()>), String> {
         if body.len() > BYTES_MAX {
             return Err(format!(
                 "a request of {} bytes; at most {BYTES_MAX} can be sent",
@@ -60,9 +62,12 @@ impl Requests {
             wire_gid: self.wire_gid,
         };
         let replies = Arc::clone(&self.replies);
+        // Zenoh drops the callback with the query.
+        let (open, closed) = oneshot::channel::<()>();
         let query =
             self.querier.get().payload(encapsulated(body)).attachment(attachment.bytes()).callback(
                 move |reply: Reply| {
+                    let _ends_with_the_query = &open;
                     if let Some(item) = sample(&reply, request) {
                         drop(replies.push(item));
                     }
@@ -70,7 +75,7 @@ impl Requests {
             );
         let sent = beside_other_tasks(|| query.wait());
         sent.map_err(|error| error.to_string())?;
-        Ok(self.sequence)
+        Ok((self.sequence, closed))
     }
 }
 
