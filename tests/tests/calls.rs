@@ -258,6 +258,64 @@ fn an_alarm_in_a_loop_names_the_pass() {
 }
 
 #[test]
+fn what_a_run_waits_for_in_a_subroutine_names_the_call() {
+    let text = "o<change> sub\nT#1 M6\nG1 X[#<_x>+10] F600\no<change> endsub\nG0 X0 Y0 Z0\no<change> call [1]\n\
+                o<change> call [2]\nM2\n";
+    let path = path(&contour(text));
+    let mut line = Line::new(DriverConfig::default(), Build::new(Settings::small_router()), &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.ask(Command::SetSingleBlock(true)).expect("it stops at each block");
+    line.start(path, 0);
+    let mut reasons = Vec::new();
+    while line.finished.is_none() {
+        line.step();
+        let state = line.state();
+        if matches!(state.mode, Mode::Hold | Mode::ToolChange)
+            && reasons.last() != Some(&state.reason)
+        {
+            reasons.push(state.reason);
+            let answer = match state.mode {
+                Mode::Hold => Command::Resume,
+                _ => Command::ConfirmToolChange { objection: None },
+            };
+            line.ask(answer).expect("it goes on");
+        }
+    }
+    for call in [6, 7] {
+        let tool = call - 5;
+        let chain = format!(", in o<change>, called from line {call})");
+        for wanted in [
+            format!("TOOL_CHANGE: put in T{tool} (line 2{chain}"),
+            format!("SINGLE_BLOCK: resume to go on (line 3{chain}"),
+        ] {
+            assert!(
+                reasons.iter().any(|reason| reason.starts_with(&wanted)),
+                "{wanted}: {reasons:#?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_deviation_in_a_loop_names_the_pass() {
+    let text =
+        "G0 X0 Y0 Z0\no1 repeat [5]\nG1 X[#<_x>+10] F600\nG1 Y[#<_y>+10]\no1 endrepeat\nM2\n";
+    let path = path(&contour(text));
+    let mut line = Line::new(DriverConfig::default(), Build::new(Settings::small_router()), &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.spoil_next(|bytes| {
+        let text = std::str::from_utf8(bytes).ok()?;
+        text.contains("Y30").then(|| text.replace("Y30", "Y90").into_bytes())
+    });
+    line.start(path, 0);
+    line.until("it is held", |line| line.mode() == Mode::Hold && !line.state().reason.is_empty());
+    let reason = line.state().reason;
+    // Just past the end of the damaged line, the next one could be under way.
+    let wanted = "PATH_DEVIATION: at line 3, pass 4 of the loop in line 2, the tool is ";
+    assert!(reason.starts_with(wanted), "{reason}");
+}
+
+#[test]
 fn a_run_that_is_canceled_in_a_loop_says_in_which_pass() {
     let text = "G0 X0 Y0 Z0\no1 repeat [5]\nG1 X[#<_x>+40] F600\no1 endrepeat\nM2\n";
     let path = path(&contour(text));

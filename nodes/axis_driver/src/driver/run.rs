@@ -288,6 +288,12 @@ impl ProgramRun {
         }
     }
 
+    /// `line 12, in o<change>, called from line 40`: of the last event that has begun.
+    fn line_of_event(&self, source_line: u32) -> String {
+        let calls = self.job.calls_of_line(source_line, None, self.encoder.events_begun());
+        format!("line {source_line}{calls}")
+    }
+
     /// Adds to the state what the run knows.
     pub(super) fn compose_mode(&self, state: &mut MachineState, is_machine_held: bool) {
         state.compensation = self.job.compensation();
@@ -297,7 +303,8 @@ impl ProgramRun {
             Stage::ToolChange(ToolChange { tool, source_line, .. }) if state.mode == Mode::Idle => {
                 state.mode = Mode::ToolChange;
                 state.tool_wanted = *tool;
-                state.reason = format!("TOOL_CHANGE: put in T{tool} (line {source_line})");
+                let line = self.line_of_event(*source_line);
+                state.reason = format!("TOOL_CHANGE: put in T{tool} ({line})");
                 if let Some(text) = self.message_before(self.encoder.events_begun()) {
                     state.reason += &format!(": {text}");
                 }
@@ -306,20 +313,20 @@ impl ProgramRun {
                 if state.mode == Mode::ToolChange =>
             {
                 state.tool_wanted = *tool;
-                state.reason =
-                    format!("TOOL_CHANGE: the controller waits for T{tool} (line {source_line})");
+                let line = self.line_of_event(*source_line);
+                state.reason = format!("TOOL_CHANGE: the controller waits for T{tool} ({line})");
             }
             Stage::BlockEnd(block) if state.mode == Mode::Idle => {
                 state.mode = Mode::Hold;
-                state.reason = format!("SINGLE_BLOCK: resume to go on ({block})");
+                state.reason = format!("SINGLE_BLOCK: resume to go on ({})", block.text(&self.job));
             }
             Stage::Homing { source_line, .. } => {
                 state.mode = Mode::Home;
-                state.reason = format!("HOME: asked for in line {source_line}");
+                state.reason = format!("HOME: asked for in {}", self.line_of_event(*source_line));
             }
             Stage::Probing(probing) if matches!(state.mode, Mode::Idle | Mode::Run) => {
                 state.mode = Mode::Run;
-                state.reason = probing.reason();
+                state.reason = probing.reason(&self.job);
             }
             // Between two lines, or in a dwell, the controller calls itself idle.
             Stage::Streaming

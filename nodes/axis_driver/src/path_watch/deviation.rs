@@ -1,6 +1,7 @@
 //! What does not fit, in words.
 
 use super::further::Off;
+use cnc_msgs::calls::Calls;
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use std::fmt;
@@ -12,6 +13,8 @@ pub struct Culprit {
     pub source_line: u32,
     /// Its N number.
     pub block: Option<u32>,
+    /// Its row in the table of calls of the path, from 1; 0 without one.
+    pub call: u32,
 }
 
 /// What does not fit to what was sent.
@@ -56,6 +59,15 @@ impl Deviation {
             | Self::Words { culprit, .. } => *culprit,
         }
     }
+
+    /// In words, with the calls that led to the line.
+    pub fn text(&self, calls: &Calls) -> String {
+        let culprit = self.culprit();
+        match calls.text(culprit.call).as_str() {
+            "" => self.to_string(),
+            calls => format!("{culprit}, {calls}, {}", What(self)),
+        }
+    }
 }
 
 impl fmt::Display for Culprit {
@@ -70,25 +82,34 @@ impl fmt::Display for Culprit {
 
 impl fmt::Display for Deviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let culprit = self.culprit();
-        match self {
-            Self::Place { at, nearest, off_mm, .. } => write!(
+        write!(f, "{} {}", self.culprit(), What(self))
+    }
+}
+
+/// What does not fit, without its line.
+struct What<'a>(&'a Deviation);
+
+impl fmt::Display for What<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        use Deviation::{Feed, Further, Offset, Place, Words};
+        match self.0 {
+            Place { at, nearest, off_mm, .. } => write!(
                 f,
-                "{culprit} the tool is {off_mm:.3} mm off the path: at {} in the machine frame, \
+                "the tool is {off_mm:.3} mm off the path: at {} in the machine frame, \
                  where {} is the nearest place of the path",
                 show(*at),
                 show(*nearest)
             ),
-            Self::Offset { shown, wanted, .. } => write!(
+            Offset { shown, wanted, .. } => write!(
                 f,
-                "{culprit} the controller has the work offset {} in force and not {} (machine \
+                "the controller has the work offset {} in force and not {} (machine \
                  frame)",
                 show(*shown),
                 show(*wanted)
             ),
-            Self::Further { off: Off { axis, is, ends: [low, high] }, .. } => {
+            Further { off: Off { axis, is, ends: [low, high] }, .. } => {
                 let (letter, unit) = (FURTHER_LETTERS[*axis], unit(*axis));
-                write!(f, "{culprit} {letter} is at {is:.3} {unit} in the machine frame, where ")?;
+                write!(f, "{letter} is at {is:.3} {unit} in the machine frame, where ")?;
                 match high - low < 0.000_5 {
                     true => write!(f, "the lines that were sent have it at {low:.3}"),
                     false => {
@@ -96,14 +117,14 @@ impl fmt::Display for Deviation {
                     }
                 }
             }
-            Self::Feed { feed_mm_per_min, allowed_mm_per_min, .. } => write!(
+            Feed { feed_mm_per_min, allowed_mm_per_min, .. } => write!(
                 f,
-                "{culprit} the controller moves at {feed_mm_per_min:.0} mm/min; {:.0} mm/min is \
+                "the controller moves at {feed_mm_per_min:.0} mm/min; {:.0} mm/min is \
                  the most that was sent",
                 allowed_mm_per_min
             ),
-            Self::Words { is, sent, .. } => {
-                write!(f, "{culprit} the controller has {is} in force; {sent} was sent")
+            Words { is, sent, .. } => {
+                write!(f, "the controller has {is} in force; {sent} was sent")
             }
         }
     }

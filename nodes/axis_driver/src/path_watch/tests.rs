@@ -37,7 +37,7 @@ fn watch() -> PathWatch {
 fn send(watch: &mut PathWatch, lines: &[&str]) {
     for text in lines {
         let source_line = watch.lines_sent as u32;
-        watch.on_sent(text, Culprit { source_line, block: None });
+        watch.on_sent(text, Culprit { source_line, ..Culprit::default() });
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! Knows lines and elements; when the machine stops, `stream` decides.
 
+use super::job::Job;
 use crate::encoder::EncodedLine;
 use cnc_msgs::path::Role;
 
@@ -11,14 +12,15 @@ pub(in crate::driver) struct BlockOfLine {
     source_line: u32,
     element: Option<usize>,
     role: Role,
+    events: usize,
     /// The controller stops by itself after the line.
     is_stop: bool,
 }
 
 impl BlockOfLine {
     pub(in crate::driver) fn of(line: &EncodedLine) -> Self {
-        let EncodedLine { source_line, element, role, .. } = *line;
-        Self { source_line, element, role, is_stop: line.text == "M0" }
+        let EncodedLine { source_line, element, role, events, .. } = *line;
+        Self { source_line, element, role, events, is_stop: line.text == "M0" }
     }
 
     /// Whether a single block ends between the two: between any two elements, those
@@ -29,14 +31,13 @@ impl BlockOfLine {
         let is_next_line = self.source_line != next.source_line;
         !self.is_stop && (is_next_line || is_next_element && !is_own_function)
     }
-}
 
-impl std::fmt::Display for BlockOfLine {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "line {}", self.source_line)?;
+    /// `line 12, lead-on, in o<pocket>, called from line 40`
+    pub(in crate::driver) fn text(&self, job: &Job) -> String {
+        let calls = job.calls_of_line(self.source_line, self.element, self.events);
         match self.role {
-            Role::None => Ok(()),
-            role => write!(f, ", {}", role.name()),
+            Role::None => format!("line {}{calls}", self.source_line),
+            role => format!("line {}, {}{calls}", self.source_line, role.name()),
         }
     }
 }

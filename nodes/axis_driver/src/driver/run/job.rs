@@ -36,6 +36,25 @@ impl Job {
         }
     }
 
+    /// What follows the number of a line in a message: the calls that led to it. A line without an
+    /// element is that of the last of so many events.
+    pub(in crate::driver) fn calls_of_line(
+        &self,
+        source_line: u32,
+        element: Option<usize>,
+        events: usize,
+    ) -> String {
+        let path = &self.request.path;
+        let source = match element {
+            Some(index) => path.elements.get(index).map(|element| element.source),
+            None => {
+                let begun = path.events.iter().take(events).map(|event| event.source);
+                begun.rev().find(|source| source.line == source_line)
+            }
+        };
+        source.map(|source| path.calls.after(source)).unwrap_or_default()
+    }
+
     /// The block that is being cut.
     pub(in crate::driver) fn place(&self) -> String {
         match self.line() {

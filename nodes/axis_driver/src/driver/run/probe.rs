@@ -4,6 +4,7 @@
 //! Nothing is streamed meanwhile: where the lines that follow begin is known only then.
 
 use super::exit::Exit;
+use super::job::Job;
 use super::workplace::WorkplaceCheck;
 use super::{ProgramRun, Stage, Then};
 use crate::codes::error_code;
@@ -38,8 +39,9 @@ pub(super) struct Probing {
 }
 
 impl Probing {
-    pub(super) fn reason(&self) -> String {
-        format!("PROBE: {} in line {}", self.probe.word(), self.source_line)
+    pub(super) fn reason(&self, job: &Job) -> String {
+        let place = job.place_of_line(self.source_line, self.element);
+        format!("PROBE: {} in {place}", self.probe.word())
     }
 
     /// Whether it has ended before the end of its way.
@@ -149,11 +151,11 @@ impl ProgramRun {
         {
             let beyond = norm(minus(at, touch));
             if beyond > BEYOND_MM {
+                let place = self.job.place_of_line(probing.source_line, probing.element);
                 context.log(
                     LogLevel::Warn,
                     format!(
-                        "line {}: the tool has stopped {beyond:.3} mm beyond the place where the probe has ended, and line {line} sets the zero where it stands: probe a second time, more slowly",
-                        probing.source_line
+                        "{place}: the tool has stopped {beyond:.3} mm beyond the place where the probe has ended, and line {line} sets the zero where it stands: probe a second time, more slowly"
                     ),
                 );
             }

@@ -76,8 +76,9 @@ impl ProgramRun {
     pub(super) fn watch_line(&mut self, text: &str, source_line: u32, element: Option<usize>) {
         let Some(watch) = &mut self.watch.watch else { return };
         let element = element.and_then(|index| self.job.request.path.elements.get(index));
-        let block = element.and_then(|element| element.source.block);
-        watch.on_sent(text, Culprit { source_line, block });
+        let (block, call) =
+            element.map_or((None, 0), |element| (element.source.block, element.source.call));
+        watch.on_sent(text, Culprit { source_line, block, call });
     }
 
     /// A line of the run was answered.
@@ -199,7 +200,7 @@ impl ProgramRun {
             return EndOfLines::Waits;
         }
         if matches!(then, Then::End) && policy(context) == OnPathDeviation::Hold {
-            let text = format!("{PATH_DEVIATION}: {deviation}");
+            let text = self.in_words(&deviation);
             context.log(LogLevel::Error, text.clone());
             self.job.blamed_line = deviation.culprit().source_line;
             let verdict = RunVerdict::aborted(error_code::PATH_DEVIATION, text);
@@ -235,8 +236,12 @@ impl ProgramRun {
         }
     }
 
+    fn in_words(&self, deviation: &Deviation) -> String {
+        format!("{PATH_DEVIATION}: {}", deviation.text(&self.job.request.path.calls))
+    }
+
     fn on_deviation(&mut self, context: &mut Context, deviation: &Deviation) {
-        let text = format!("{PATH_DEVIATION}: {deviation}");
+        let text = self.in_words(deviation);
         match policy(context) {
             OnPathDeviation::Off => {}
             OnPathDeviation::Log => {
