@@ -87,6 +87,8 @@ pub enum ContourEventKind {
     /// An arc about the end of the block before, to the offset of the next block
     /// or in this direction (NCT G39).
     CornerArc { along: Option<Direction> },
+    /// A block that calculates and does nothing else, under compensation: one of those without motion.
+    Calculation,
     /// Something for the machine that is not motion of the contour.
     Action(Action),
 }

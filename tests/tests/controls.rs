@@ -100,7 +100,7 @@ fn tally() -> String {
         .collect();
     let count = rows.iter().filter(is_rule).count();
     format!(
-        "\n{} of {count} rules hold whole; {} fall short, and say of what.\n",
+        "\n{} of {count} rules hold whole; what falls short says of what: {}.\n",
         count - short.len(),
         short.join(", ")
     )

@@ -106,6 +106,7 @@ impl From<&ContourEvent> for wire::ContourEvent {
                 out.kind = Self::KIND_CORNER_ARC;
                 out.direction = along.unwrap_or_default();
             }
+            ContourEventKind::Calculation => out.kind = Self::KIND_CALCULATION,
             ContourEventKind::Action(action) => {
                 out.kind = Self::KIND_FUNCTION;
                 out.function = vec![(&action).into()];
@@ -157,7 +158,8 @@ impl ContourEventKind {
             | Self::Cancel { .. }
             | Self::Corner(_)
             | Self::HoldDirection { .. }
-            | Self::CornerArc { .. } => self,
+            | Self::CornerArc { .. }
+            | Self::Calculation => self,
         }
     }
 }
@@ -228,6 +230,7 @@ impl TryFrom<&wire::ContourEvent> for ContourEvent {
             W::KIND_CORNER_ARC => {
                 ContourEventKind::CornerArc { along: direction(event.direction)? }
             }
+            W::KIND_CALCULATION => ContourEventKind::Calculation,
             W::KIND_FUNCTION => {
                 let function = event.function.first();
                 let function = function.ok_or(WireError::Missing { field: "function" })?;

@@ -159,10 +159,9 @@ impl<'a> Walk<'a> {
             ContourEventKind::Cancel { exit } => self.cancel(exit, source),
             ContourEventKind::Corner(corner) => {
                 self.corner = corner;
-                if let WalkState::Active(active) = &mut self.state {
-                    active.between.block(source);
-                }
+                self.block_between(source);
             }
+            ContourEventKind::Calculation => self.block_between(source),
             ContourEventKind::RadiusValue { radius_mm } => self.radius_value(radius_mm, source),
             ContourEventKind::HoldDirection { .. } => {
                 self.report.findings.push(rules::no_held_direction(source));
@@ -173,6 +172,13 @@ impl<'a> Walk<'a> {
                 }
             }
             ContourEventKind::Action(action) => self.action(action, source),
+        }
+    }
+
+    /// Counts a block without motion under compensation.
+    fn block_between(&mut self, source: Source) {
+        if let WalkState::Active(active) = &mut self.state {
+            active.between.block(source);
         }
     }
 

@@ -56,6 +56,7 @@ pub fn event_text(event: &ContourEvent) -> String {
         }
         ContourEventKind::HoldDirection { along } => format!("hold direction{}", along_text(along)),
         ContourEventKind::CornerArc { along } => format!("corner arc{}", along_text(along)),
+        ContourEventKind::Calculation => "calculation".to_owned(),
         ContourEventKind::Action(action) => action_text(&action),
     }
 }

@@ -241,6 +241,7 @@ fn event(at: &mut Point, random: &mut Random) -> ContourEventKind {
             Action::ToolLength { offset: Some(1), length_mm: 0.0 },
             Action::ProgramEnd { rewind: true },
         ])),
+        10 => ContourEventKind::Calculation,
         _ => any_motion(at, random),
     }
 }

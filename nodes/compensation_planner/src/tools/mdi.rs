@@ -38,7 +38,8 @@ const fn is_about_compensation(kind: &ContourEventKind) -> bool {
         | K::Select { .. }
         | K::Cancel { .. }
         | K::HoldDirection { .. }
-        | K::CornerArc { .. } => true,
+        | K::CornerArc { .. }
+        | K::Calculation => true,
         K::Motion(_) | K::Plane(_) | K::Corner(_) | K::Action(_) => false,
     }
 }

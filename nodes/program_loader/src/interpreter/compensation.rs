@@ -63,9 +63,12 @@ impl Compensation {
 }
 
 impl Interpreter<'_> {
-    /// The block that selected compensation, while it is on.
-    pub(crate) fn compensated_since(&self) -> Option<Source> {
-        self.modal.compensation.selected_at()
+    /// A block that calculates and does nothing else.
+    pub(crate) fn calculate(&mut self, source: Source) {
+        if self.modal.compensation.is_selected() {
+            self.source = source;
+            self.emit(ContourEventKind::Calculation);
+        }
     }
 
     #[inline]
