@@ -14,6 +14,7 @@ from contract import NODES
 from machine import ROOT, TOOLS, die_with_parent, domain, kerf
 from programs import QUICK, MachineState, load, until_state
 from ros2 import ActionClient, Node, NoAnswer, ParameterClient
+from ros2.lifecycle import LifecycleClient
 
 FILE = ROOT / 'config/kerf.launch.py'
 EXECUTABLES = {('kerf', 'kerf'): str(kerf())}
@@ -136,6 +137,7 @@ def test_a_node_that_was_stopped_and_continued_or_killed_is_restarted(stack):
                 break
         until(lambda: children(watching) not in (None, child))
         assert f'kerf: {name} {said}' in (folder / 'log').read_text()
+    until_active(node)
     load(node, text=QUICK, name='quick.ngc')
 
 
@@ -149,6 +151,7 @@ def test_a_node_that_takes_too_much_memory_is_restarted(stack):
         client = node.client('cnc_msgs/srv/LoadProgram', 'load_program')
         client.call(timeout=10, path='long.ngc')
     until(lambda: 'program_loader ended (exit status: 71)' in (folder / 'log').read_text())
+    until_active(node)
     load(node, text=QUICK, name='quick.ngc')
 
 
@@ -172,9 +175,24 @@ def test_packets_that_the_dds_layer_cannot_handle_cost_restarts_and_no_more(laun
     assert log.read_text().count(' ended (') >= len(NODES), log.read_text()
     with Node('cell', namespace, domain()) as node:
         until_state(node, MachineState.STATE_IDLE)
+        until_active(node)
         load(node, text=QUICK, name='quick.ngc')
         runs = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program')
         assert runs.send_goal().result().status == 4
+
+
+def until_active(node):
+    """Waits until every node is active: one that was restarted refuses what comes while it still starts.
+
+    A node that was killed is still asked for as long as nobody has missed it, and does not answer.
+    """
+    def is_active(client):
+        with contextlib.suppress(NoAnswer):
+            return client.state(timeout=2) == 'active'
+        return False
+    for name in NODES:
+        client = LifecycleClient(node, name)
+        until(lambda: is_active(client))
 
 
 def children(process):

@@ -1,6 +1,7 @@
 """The state of another node, as `ros2 lifecycle` sees and changes it."""
 
 from . import interfaces
+from .node import TIMEOUT
 
 State = interfaces.message('lifecycle_msgs/msg/State')
 Transition = interfaces.message('lifecycle_msgs/msg/Transition')
@@ -18,9 +19,9 @@ class LifecycleClient:
         self._transitions = client('GetAvailableTransitions', 'get_available_transitions')
         self._graph = client('GetAvailableTransitions', 'get_transition_graph')
 
-    def state(self):
+    def state(self, timeout=TIMEOUT):
         """The label: `active`."""
-        return self._get.call().current_state.label
+        return self._get.call(timeout=timeout).current_state.label
 
     def change(self, transition):
         """By its number, as `ros2 lifecycle set` asks for it; whether it went."""

@@ -147,6 +147,9 @@ impl Handle {
                         format!("lifecycle set {full} configure, then activate")
                     }
                     LifecycleState::Inactive => format!("lifecycle set {full} activate"),
+                    LifecycleState::Configuring | LifecycleState::Activating => {
+                        "it starts: ask again in a moment".to_owned()
+                    }
                     _ => return Err(format!("{node} is {label}, not active")),
                 };
                 Err(format!("{node} is {label}, not active: {help}"))
