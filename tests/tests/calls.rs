@@ -259,8 +259,8 @@ fn an_alarm_in_a_loop_names_the_pass() {
 
 #[test]
 fn what_a_run_waits_for_in_a_subroutine_names_the_call() {
-    let text = "o<change> sub\nT#1 M6\nG1 X[#<_x>+10] F600\no<change> endsub\nG0 X0 Y0 Z0\no<change> call [1]\n\
-                o<change> call [2]\nM2\n";
+    let text = "o<change> sub\nT#1 M6\nG1 X[#<_x>+10] F600\nM0\no<change> endsub\nG0 X0 Y0 Z0\n\
+                o<change> call [1]\no<change> call [2]\nM2\n";
     let path = path(&contour(text));
     let mut line = Line::new(DriverConfig::default(), Build::new(Settings::small_router()), &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
@@ -281,12 +281,13 @@ fn what_a_run_waits_for_in_a_subroutine_names_the_call() {
             line.ask(answer).expect("it goes on");
         }
     }
-    for call in [6, 7] {
-        let tool = call - 5;
+    for call in [7, 8] {
+        let tool = call - 6;
         let chain = format!(", in o<change>, called from line {call})");
         for wanted in [
             format!("TOOL_CHANGE: put in T{tool} (line 2{chain}"),
             format!("SINGLE_BLOCK: resume to go on (line 3{chain}"),
+            format!("PROGRAM_STOP: resume to go on (line 4{chain}"),
         ] {
             assert!(
                 reasons.iter().any(|reason| reason.starts_with(&wanted)),

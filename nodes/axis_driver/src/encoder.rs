@@ -48,8 +48,8 @@ pub struct EncodedLine {
     pub is_alone: bool,
     /// The element that this line cuts; `None` when it cuts none.
     pub element: Option<usize>,
-    /// The line of the part program, 0 when there is none.
-    pub source_line: u32,
+    /// The block of the part program; its line is 0 when there is none.
+    pub source: Source,
     /// What the element is for.
     pub role: Role,
     /// The events of the path before it, its own included.
@@ -64,13 +64,13 @@ pub enum EncoderStep {
     /// program goes on when that is confirmed. The spindle was stopped before.
     ToolChange {
         tool: u32,
-        source_line: u32,
+        source: Source,
     },
     /// The controller was asked to change the tool (`M6T2`): it does so, or waits until a
     /// cycle start says that it was done, and the program goes on.
     ControllerChange {
         tool: u32,
-        source_line: u32,
+        source: Source,
     },
     /// Motion ends, this line moves the axes until a probe touches, or lets go, and the program goes
     /// on from there.
@@ -82,7 +82,7 @@ pub enum EncoderStep {
     Home {
         text: String,
         axes: AxisSet,
-        source_line: u32,
+        source: Source,
     },
     /// The frame in which the path is written is in force from here on: whether the
     /// tool is where the path begins can be seen now and not before.
@@ -403,7 +403,7 @@ impl Encoder {
             kind,
             is_alone: false,
             element: Some(index),
-            source_line: element.source.line,
+            source: element.source,
             role: element.role,
             events: self.next_event,
         })

@@ -359,11 +359,12 @@ fn a_calculation_under_compensation_is_a_block_of_the_contour() {
         let events = loaded.contour.events.iter();
         events.filter(|event| event.kind == ContourEventKind::Calculation).count()
     };
-    // In a block of its own; not with a call, and not before G41.
+    // After G40 as well, where the planner knows when the compensation has ended.
     let text = "R1=5\nG0 X0 Y20\nG41 D1 G1 X0 Y0 F100\nX10\nN30 R1=15 R2=R1\nX=R1\nG40 X30 Y20\nR1=1\nM30\n";
     let refused = loaded(SIEMENS, text, &[]).0;
     assert!(!refused.is_accepted(), "R1 is set in this block, and read in it");
-    assert_eq!(calculations(&text.replace(" R2=R1", " R2=3")), 1);
+    assert_eq!(calculations(&text.replace(" R2=R1", " R2=3")), 2);
+    assert_eq!(calculations(&text.replace(" R2=R1", " L5").replace("M30\n", "M30\n%SPF5\nM17\n")), 2);
     assert_eq!(calculations("R1=5\nG0 X=R1\nR1=6\nM30\n"), 0);
 }
 

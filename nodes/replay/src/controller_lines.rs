@@ -52,15 +52,15 @@ impl Iterator for Lines {
         let step = self.0.as_mut()?.next_step()?;
         Some(match step {
             Ok(EncoderStep::Line(line) | EncoderStep::Probe { line, .. }) => {
-                (line.text, line.source_line)
+                (line.text, line.source.line)
             }
-            Ok(EncoderStep::ToolChange { tool, source_line }) => {
-                (format!("tool change to T{tool}"), source_line)
+            Ok(EncoderStep::ToolChange { tool, source }) => {
+                (format!("tool change to T{tool}"), source.line)
             }
-            Ok(EncoderStep::ControllerChange { tool, source_line }) => {
-                (format!("tool change to T{tool} by the controller"), source_line)
+            Ok(EncoderStep::ControllerChange { tool, source }) => {
+                (format!("tool change to T{tool} by the controller"), source.line)
             }
-            Ok(EncoderStep::Home { text, source_line, .. }) => (text, source_line),
+            Ok(EncoderStep::Home { text, source, .. }) => (text, source.line),
             Ok(EncoderStep::CheckStart) => ("check of the start".to_owned(), 0),
             Ok(EncoderStep::CheckReturn { .. }) => ("check of the way back".to_owned(), 0),
             Err(error) => {

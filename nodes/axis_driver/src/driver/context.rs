@@ -21,6 +21,7 @@ pub(super) mod ros_loss;
 use super::answer::Refusal;
 use super::output::{ControllerSettings, LogLevel, Output};
 use crate::link::Link;
+use cnc_msgs::contour::Source;
 use config::DriverConfig;
 use hold::HoldWatch;
 use machine::Machine;
@@ -45,7 +46,7 @@ pub(super) enum Origin {
     /// From the program, with its text for messages.
     Program {
         text: String,
-        source_line: u32,
+        source: Source,
         element: Option<usize>,
         /// The events of the path before it, its own included.
         events: usize,

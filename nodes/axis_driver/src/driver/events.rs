@@ -120,15 +120,13 @@ impl Driver {
             false => error_code::ALARM,
         };
         let read = match self.context.link.oldest() {
-            Some(Origin::Program { source_line, element, .. }) if is_of_line => {
-                Some((*source_line, *element))
-            }
+            Some(Origin::Program { source, .. }) if is_of_line => Some(*source),
             _ => None,
         };
         let Some(job) = self.phase.job_mut() else { return };
-        job.blamed_line = read.map_or_else(|| job.line(), |(line, _)| line);
+        job.blamed_line = read.map_or_else(|| job.line(), |source| source.line);
         let place = match read {
-            Some((line, element)) => job.place_of_line(line, element),
+            Some(source) => job.place_of(source),
             None => job.place(),
         };
         self.end_run(RunVerdict::aborted(error_code, format!("{text}, at {place}")), next);

@@ -180,7 +180,7 @@ impl Driver {
     /// Describes the run that is paused in the state.
     pub(super) fn compose_paused(&self, state: &mut MachineState) {
         let Some(Paused { run, .. }) = &self.paused else { return };
-        let Some(ToolChange { tool, source_line, .. }) = run.tool_change() else { return };
+        let Some(ToolChange { tool, source, .. }) = run.tool_change() else { return };
         state.tool_wanted = *tool;
         state.program_id.clone_from(&run.job.request.program_id);
         state.path_revision = run.job.request.revision;
@@ -191,7 +191,8 @@ impl Driver {
             Phase::Running(_) | Phase::Stopping(_) => "a block is under way".into(),
             _ => "the controller is being reset".into(),
         };
-        let text = format!("TOOL_CHANGE: put in T{tool} (line {source_line}); {what}");
+        let line = run.job.line_of(*source);
+        let text = format!("TOOL_CHANGE: put in T{tool} ({line}); {what}");
         match state.reason.is_empty() {
             true => state.reason = text,
             false => state.reason = format!("{}; {text}", state.reason),

@@ -28,7 +28,7 @@ use crate::encoder::{EncodedLine, Encoder, EncoderStep};
 use crate::machine_limits::StoredOffsets;
 use crate::tracker::Tracker;
 use block::BlockOfLine;
-use cnc_msgs::contour::Probe;
+use cnc_msgs::contour::{Probe, Source};
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::machine::{MachineState, Mode, WAITING_FOR_RECORDER};
 use job::Job;
@@ -114,7 +114,7 @@ enum Stage {
     /// The axes go to their switches.
     Homing {
         until: Duration,
-        source_line: u32,
+        source: Source,
         is_homed_after: bool,
     },
     /// The axes move until the probe touches.
@@ -133,17 +133,17 @@ enum Then {
     End,
     ToolChange {
         tool: u32,
-        source_line: u32,
+        source: Source,
     },
     Home {
         text: String,
         axes: AxisSet,
-        source_line: u32,
+        source: Source,
     },
     /// The controller changes the tool, or waits until it is changed, and answers then.
     ControllerChange {
         tool: u32,
-        source_line: u32,
+        source: Source,
     },
     Probe {
         line: EncodedLine,
@@ -288,41 +288,35 @@ impl ProgramRun {
         }
     }
 
-    /// `line 12, in o<change>, called from line 40`: of the last event that has begun.
-    fn line_of_event(&self, source_line: u32) -> String {
-        let calls = self.job.calls_of_line(source_line, None, self.encoder.events_begun());
-        format!("line {source_line}{calls}")
-    }
-
     /// Adds to the state what the run knows.
     pub(super) fn compose_mode(&self, state: &mut MachineState, is_machine_held: bool) {
         state.compensation = self.job.compensation();
         state.path_revision = self.job.request.revision;
         state.settled_elements = self.settled(is_machine_held).unwrap_or(0);
         match &self.stage {
-            Stage::ToolChange(ToolChange { tool, source_line, .. }) if state.mode == Mode::Idle => {
+            Stage::ToolChange(ToolChange { tool, source, .. }) if state.mode == Mode::Idle => {
                 state.mode = Mode::ToolChange;
                 state.tool_wanted = *tool;
-                let line = self.line_of_event(*source_line);
+                let line = self.job.line_of(*source);
                 state.reason = format!("TOOL_CHANGE: put in T{tool} ({line})");
                 if let Some(text) = self.message_before(self.encoder.events_begun()) {
                     state.reason += &format!(": {text}");
                 }
             }
-            Stage::Draining(Then::ControllerChange { tool, source_line })
+            Stage::Draining(Then::ControllerChange { tool, source })
                 if state.mode == Mode::ToolChange =>
             {
                 state.tool_wanted = *tool;
-                let line = self.line_of_event(*source_line);
+                let line = self.job.line_of(*source);
                 state.reason = format!("TOOL_CHANGE: the controller waits for T{tool} ({line})");
             }
             Stage::BlockEnd(block) if state.mode == Mode::Idle => {
                 state.mode = Mode::Hold;
                 state.reason = format!("SINGLE_BLOCK: resume to go on ({})", block.text(&self.job));
             }
-            Stage::Homing { source_line, .. } => {
+            Stage::Homing { source, .. } => {
                 state.mode = Mode::Home;
-                state.reason = format!("HOME: asked for in {}", self.line_of_event(*source_line));
+                state.reason = format!("HOME: asked for in {}", self.job.line_of(*source));
             }
             Stage::Probing(probing) if matches!(state.mode, Mode::Idle | Mode::Run) => {
                 state.mode = Mode::Run;

@@ -79,13 +79,15 @@ impl Driver {
             }
             Mode::Alarm => "ALARM: locked; home or unlock".into(),
             Mode::Hold => match link.oldest() {
-                Some(Origin::Program { text, source_line, events, .. }) if text == "M0" => {
-                    let message = match &self.phase {
-                        Phase::Running(run) => run.message_before(*events),
-                        _ => None,
+                Some(Origin::Program { text, source, events, .. }) if text == "M0" => {
+                    let (message, line) = match &self.phase {
+                        Phase::Running(run) => {
+                            (run.message_before(*events), run.job.line_of(*source))
+                        }
+                        _ => (None, format!("line {}", source.line)),
                     };
                     let message = message.map_or_else(String::new, |text| format!("{text}; "));
-                    format!("PROGRAM_STOP: {message}resume to go on (line {source_line})")
+                    format!("PROGRAM_STOP: {message}resume to go on ({line})")
                 }
                 _ => "FEED_HOLD".into(),
             },

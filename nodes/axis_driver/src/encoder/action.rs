@@ -58,15 +58,14 @@ impl Encoder {
             Action::SelectTool { .. } | Action::Message { .. } => Ok(()),
             Action::ChangeTool { tool } => {
                 self.push_action("M5".into(), LineKind::Slow, false, source)?;
-                let source_line = source.line;
                 if self.config.controller_changes_tools {
                     // It may measure the tool and set its length.
                     self.modal.forget(AxisSet::from_bits(0b100), "M6");
                     self.push_action(format!("M6T{tool}"), LineKind::Slow, true, source)?;
-                    self.pending.push_back(EncoderStep::ControllerChange { tool, source_line });
+                    self.pending.push_back(EncoderStep::ControllerChange { tool, source });
                     return Ok(());
                 }
-                self.pending.push_back(EncoderStep::ToolChange { tool, source_line });
+                self.pending.push_back(EncoderStep::ToolChange { tool, source });
                 Ok(())
             }
             Action::ToolLength { offset, length_mm } => {
@@ -158,8 +157,7 @@ impl Encoder {
             Homing::OneByOne => letters.chars().map(|letter| format!("$H{letter}")).collect(),
         };
         for text in lines {
-            let source_line = source.line;
-            self.pending.push_back(EncoderStep::Home { text, axes, source_line });
+            self.pending.push_back(EncoderStep::Home { text, axes, source });
         }
         let work_system = self.modal.work_system.max(1);
         let tool_length = std::mem::take(&mut self.modal.tool_length);
@@ -335,10 +333,9 @@ impl Encoder {
         is_alone: bool,
         source: Source,
     ) -> Result<(), EncodeProblem> {
-        let source_line = source.line;
         let role = Role::None;
         let events = self.next_event;
-        self.push(EncodedLine { text, kind, is_alone, element: None, source_line, role, events })
+        self.push(EncodedLine { text, kind, is_alone, element: None, source, role, events })
     }
 
     /// What the words before an element have set, sent anew when a run begins there.

@@ -63,9 +63,10 @@ impl Compensation {
 }
 
 impl Interpreter<'_> {
-    /// A block that calculates and does nothing else.
+    /// A block that calculates. The compensation may end later than it is cancelled, with the move
+    /// after that, which the planner knows.
     pub(crate) fn calculate(&mut self, source: Source) {
-        if self.modal.compensation.is_selected() {
+        if self.modal.compensation.was_selected() {
             self.source = source;
             self.emit(ContourEventKind::Calculation);
         }

@@ -4,40 +4,40 @@
 
 use super::job::Job;
 use crate::encoder::EncodedLine;
+use cnc_msgs::contour::Source;
 use cnc_msgs::path::Role;
 
 /// The block that a line belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::driver) struct BlockOfLine {
-    source_line: u32,
+    source: Source,
     element: Option<usize>,
     role: Role,
-    events: usize,
     /// The controller stops by itself after the line.
     is_stop: bool,
 }
 
 impl BlockOfLine {
     pub(in crate::driver) fn of(line: &EncodedLine) -> Self {
-        let EncodedLine { source_line, element, role, events, .. } = *line;
-        Self { source_line, element, role, events, is_stop: line.text == "M0" }
+        let EncodedLine { source, element, role, .. } = *line;
+        Self { source, element, role, is_stop: line.text == "M0" }
     }
 
     /// Whether a single block ends between the two: between any two elements, those
     /// that were generated included (S10), and between two blocks of the program.
     pub(in crate::driver) fn ends_before(&self, next: &Self) -> bool {
         let is_next_element = self.element.is_some() && self.element != next.element;
-        let is_own_function = next.element.is_none() && self.source_line == next.source_line;
-        let is_next_line = self.source_line != next.source_line;
+        let is_own_function = next.element.is_none() && self.source.line == next.source.line;
+        let is_next_line = self.source.line != next.source.line;
         !self.is_stop && (is_next_line || is_next_element && !is_own_function)
     }
 
     /// `line 12, lead-on, in o<pocket>, called from line 40`
     pub(in crate::driver) fn text(&self, job: &Job) -> String {
-        let calls = job.calls_of_line(self.source_line, self.element, self.events);
+        let calls = job.request.path.calls.after(self.source);
         match self.role {
-            Role::None => format!("line {}{calls}", self.source_line),
-            role => format!("line {}, {}{calls}", self.source_line, role.name()),
+            Role::None => format!("line {}{calls}", self.source.line),
+            role => format!("line {}, {}{calls}", self.source.line, role.name()),
         }
     }
 }

@@ -4,7 +4,7 @@ use super::request::RunRequest;
 use crate::driver::context::{Context, Origin};
 use crate::report::ControllerState;
 use crate::tracker::Tracker;
-use cnc_msgs::contour::CutterSide;
+use cnc_msgs::contour::{CutterSide, Source};
 
 /// Owns what was asked for and where the tool is on the path. A run hands it to the stop.
 #[derive(Debug)]
@@ -22,44 +22,24 @@ pub(in crate::driver) struct Job {
 
 impl Job {
     /// `line 12 (N70), in o<pocket>, called from line 40`
-    pub(in crate::driver) fn place_of_line(
-        &self,
-        source_line: u32,
-        element: Option<usize>,
-    ) -> String {
-        let path = &self.request.path;
-        let source = element.and_then(|index| path.elements.get(index)).map(|it| it.source);
-        let calls = source.map(|source| path.calls.after(source)).unwrap_or_default();
-        match source.and_then(|source| source.block) {
-            Some(block) => format!("line {source_line} (N{block}){calls}"),
-            None => format!("line {source_line}{calls}"),
+    pub(in crate::driver) fn place_of(&self, source: Source) -> String {
+        let calls = self.request.path.calls.after(source);
+        match source.block {
+            Some(block) => format!("line {} (N{block}){calls}", source.line),
+            None => format!("line {}{calls}", source.line),
         }
     }
 
-    /// What follows the number of a line in a message: the calls that led to it. A line without an
-    /// element is that of the last of so many events.
-    pub(in crate::driver) fn calls_of_line(
-        &self,
-        source_line: u32,
-        element: Option<usize>,
-        events: usize,
-    ) -> String {
-        let path = &self.request.path;
-        let source = match element {
-            Some(index) => path.elements.get(index).map(|element| element.source),
-            None => {
-                let begun = path.events.iter().take(events).map(|event| event.source);
-                begun.rev().find(|source| source.line == source_line)
-            }
-        };
-        source.map(|source| path.calls.after(source)).unwrap_or_default()
+    /// The same without its N number.
+    pub(in crate::driver) fn line_of(&self, source: Source) -> String {
+        self.place_of(Source { block: None, ..source })
     }
 
     /// The block that is being cut.
     pub(in crate::driver) fn place(&self) -> String {
-        match self.line() {
-            0 => "before the first line".into(),
-            line => self.place_of_line(line, Some(self.tracker.element())),
+        match self.request.path.elements.get(self.tracker.element()) {
+            Some(element) if self.line() > 0 => self.place_of(element.source),
+            _ => "before the first line".into(),
         }
     }
 

@@ -15,7 +15,7 @@ use crate::driver::output::LogLevel;
 use crate::encoder::EncodedLine;
 use crate::link::LineKind;
 use crate::vectors::{dot, minus, norm, unit};
-use cnc_msgs::contour::Probe;
+use cnc_msgs::contour::{Probe, Source};
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::path::UnknownAxes;
 
@@ -28,7 +28,7 @@ const OFF_WAY_MM: f64 = 0.1;
 #[derive(Debug, Clone)]
 pub(super) struct Probing {
     probe: Probe,
-    source_line: u32,
+    source: Source,
     element: Option<usize>,
     /// Where the tool stood before, machine frame.
     began: Option<Position>,
@@ -40,7 +40,7 @@ pub(super) struct Probing {
 
 impl Probing {
     pub(super) fn reason(&self, job: &Job) -> String {
-        let place = job.place_of_line(self.source_line, self.element);
+        let place = job.place_of(self.source);
         format!("PROBE: {} in {place}", self.probe.word())
     }
 
@@ -74,17 +74,16 @@ impl ProgramRun {
 
     /// All motion has ended: sends the line of the probe.
     pub(super) fn begin_probe(&mut self, context: &mut Context, line: EncodedLine, probe: Probe) {
-        let EncodedLine { text, kind, element, source_line, events, .. } = line;
+        let EncodedLine { text, kind, element, source, events, .. } = line;
         let began = context.machine.machine_position();
         let (touch, is_asked) = (None, false);
-        self.stage =
-            Stage::Probing(Probing { probe, source_line, element, began, touch, is_asked });
+        self.stage = Stage::Probing(Probing { probe, source, element, began, touch, is_asked });
         self.job.has_sent = true;
         self.is_alone = true;
-        self.watch_line(&text, source_line, element);
+        self.watch_line(&text, source);
         context.machine.on_sent(&text);
         let sent = text.clone();
-        let origin = Origin::Program { text, source_line, element, events };
+        let origin = Origin::Program { text, source, element, events };
         context.link.send_line(&sent, kind, origin);
     }
 
@@ -104,7 +103,7 @@ impl ProgramRun {
             return None;
         }
         let probing = probing.clone();
-        let place = self.job.place_of_line(probing.source_line, probing.element);
+        let place = self.job.place_of(probing.source);
         let ends = if probing.probe.away { "let go" } else { "touched" };
         let nowhere = format!("{place}: the probe {ends} nowhere on the way");
         let failed = match probing.touch {
@@ -130,7 +129,7 @@ impl ProgramRun {
             None => Some(format!("{place}: the controller did not say where the probe {ends}")),
         };
         if let Some(text) = failed {
-            self.job.blamed_line = probing.source_line;
+            self.job.blamed_line = probing.source.line;
             return Some(Exit::abort(error_code::PROBE_FAILED, text));
         }
         self.stage = Stage::Settling { then: Then::Probed(probing), from: context.now };
@@ -141,8 +140,8 @@ impl ProgramRun {
     /// The machine stands where the probe has ended.
     pub(super) fn after_probe(&mut self, context: &mut Context, probing: &Probing) -> Option<Exit> {
         if let Some(text) = probing.contradiction(context.machine.machine_position()) {
-            self.job.blamed_line = probing.source_line;
-            let place = self.job.place_of_line(probing.source_line, probing.element);
+            self.job.blamed_line = probing.source.line;
+            let place = self.job.place_of(probing.source);
             return Some(Exit::abort(error_code::PROBE_FAILED, format!("{place}: {text}")));
         }
         let UnknownAxes { until, relative, zeroed } = self.after(probing);
@@ -151,7 +150,7 @@ impl ProgramRun {
         {
             let beyond = norm(minus(at, touch));
             if beyond > BEYOND_MM {
-                let place = self.job.place_of_line(probing.source_line, probing.element);
+                let place = self.job.place_of(probing.source);
                 context.log(
                     LogLevel::Warn,
                     format!(

@@ -15,7 +15,7 @@ use crate::driver::output::{LogLevel, Output};
 use crate::encoder::{PREAMBLE, PREAMBLE_IN_FRAME, SYNC};
 use crate::link::LineKind;
 use crate::report::ControllerState;
-use cnc_msgs::contour::Action;
+use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::PathEvent;
@@ -119,12 +119,12 @@ impl ProgramRun {
         context.link.begin_stream(context.now, context.machine.firmware.traits().error_lasts);
         // A block during a tool change moves in the frame of the program that waits.
         if self.job.is_in_tool_change {
-            self.watch_line(PREAMBLE_IN_FRAME, 0, None);
+            self.watch_line(PREAMBLE_IN_FRAME, Source::default());
             return context.link.send_line(PREAMBLE_IN_FRAME, LineKind::Slow, Origin::Preamble);
         }
         context.machine.work_system = None;
         context.machine.has_tool_length = None;
-        self.watch_line(PREAMBLE, 0, None);
+        self.watch_line(PREAMBLE, Source::default());
         context.link.send_line(PREAMBLE, LineKind::Slow, Origin::Preamble);
     }
 
@@ -179,9 +179,9 @@ impl ProgramRun {
         if let Some(code) = error {
             let text = codes::describe_error(context.machine.firmware, code);
             let message = match &origin {
-                Origin::Program { text: line, source_line, element, .. } => {
-                    self.job.blamed_line = *source_line;
-                    let place = self.job.place_of_line(*source_line, *element);
+                Origin::Program { text: line, source, .. } => {
+                    self.job.blamed_line = source.line;
+                    let place = self.job.place_of(*source);
                     format!("{place}: the controller refused {line:?}: {text}")
                 }
                 _ => format!("the controller refused {}: {text}", own_line(&origin)),
@@ -302,9 +302,9 @@ impl ProgramRun {
     /// All motion has ended: does what follows.
     fn follow(&mut self, context: &mut Context, then: Then) -> Option<Exit> {
         match then {
-            Then::ToolChange { tool, source_line } => {
+            Then::ToolChange { tool, source } => {
                 let stood_at = context.machine.machine_position();
-                let change = ToolChange { tool, source_line, stood_at, is_touched: false };
+                let change = ToolChange { tool, source, stood_at, is_touched: false };
                 self.stage = Stage::ToolChange(change);
             }
             Then::CheckReturn { stood } => return self.check_return(&context.machine, stood),
@@ -316,11 +316,11 @@ impl ProgramRun {
             Then::Probe { line, probe } => self.begin_probe(context, line, probe),
             Then::Probed(probing) => return self.after_probe(context, &probing),
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
-            Then::Home { text, axes, source_line } => {
+            Then::Home { text, axes, source } => {
                 let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;
                 let limit = Duration::from_secs(u64::from(context.config.homing_s_max));
                 let until = context.now + limit;
-                self.stage = Stage::Homing { until, source_line, is_homed_after };
+                self.stage = Stage::Homing { until, source, is_homed_after };
                 // Where the axes are is not known again before they are home.
                 context.machine.is_homed = false;
                 context.link.send_line(&text, LineKind::Silent, Origin::Home);

@@ -58,17 +58,17 @@ impl ProgramRun {
                     ) if is_check => {
                         continue;
                     }
-                    (Some(Ok(EncoderStep::Home { text, axes, source_line })), _) => {
-                        Then::Home { text, axes, source_line }
+                    (Some(Ok(EncoderStep::Home { text, axes, source })), _) => {
+                        Then::Home { text, axes, source }
                     }
-                    (Some(Ok(EncoderStep::ToolChange { tool, source_line })), _) => {
+                    (Some(Ok(EncoderStep::ToolChange { tool, source })), _) => {
                         // Whoever confirms it has seen the machine stand.
                         self.block = None;
-                        Then::ToolChange { tool, source_line }
+                        Then::ToolChange { tool, source }
                     }
-                    (Some(Ok(EncoderStep::ControllerChange { tool, source_line })), _) => {
+                    (Some(Ok(EncoderStep::ControllerChange { tool, source })), _) => {
                         self.block = None;
-                        Then::ControllerChange { tool, source_line }
+                        Then::ControllerChange { tool, source }
                     }
                     (Some(Ok(EncoderStep::Probe { line, probe })), _) => {
                         Then::Probe { line, probe }
@@ -97,13 +97,13 @@ impl ProgramRun {
                 {
                     self.job.has_sent = true;
                     self.is_alone = line.is_alone;
-                    let EncodedLine { text, kind, element, source_line, events, .. } = line;
-                    self.watch_line(&text, source_line, element);
+                    let EncodedLine { text, kind, element, source, events, .. } = line;
+                    self.watch_line(&text, source);
                     context.machine.on_sent(&text);
                     context.link.send_line(
                         &text.clone(),
                         kind,
-                        Origin::Program { text, source_line, element, events },
+                        Origin::Program { text, source, element, events },
                     );
                     if self.is_alone {
                         return None;

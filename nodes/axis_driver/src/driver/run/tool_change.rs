@@ -14,7 +14,7 @@ use crate::driver::context::machine::Machine;
 use crate::driver::context::place::show;
 use crate::link::realtime;
 use crate::report::ControllerState;
-use cnc_msgs::contour::Action;
+use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
@@ -23,7 +23,7 @@ use cnc_msgs::path::CompensatedPath;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::driver) struct ToolChange {
     pub(in crate::driver) tool: u32,
-    pub(in crate::driver) source_line: u32,
+    pub(in crate::driver) source: Source,
     /// In the machine frame; `None` when it was not known.
     pub(in crate::driver) stood_at: Option<Position>,
     /// A manual operation has begun since: the words in force are no longer certain.
@@ -191,8 +191,12 @@ mod tests {
 
     #[test]
     fn the_run_goes_on_where_it_stopped_and_a_position_that_is_not_known_is_not_there() {
-        let change =
-            |stood_at, is_touched| ToolChange { tool: 2, source_line: 5, stood_at, is_touched };
+        let change = |stood_at, is_touched| ToolChange {
+            tool: 2,
+            source: Source::default(),
+            stood_at,
+            is_touched,
+        };
         let place = [10.0, -20.0, 5.0];
         let lifted = [10.0, -20.0, 25.0];
         for (change, at, wanted) in [

@@ -9,6 +9,7 @@ use crate::driver::context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
 use crate::driver::output::LogLevel;
 use crate::path_watch::{Culprit, Deviation, PathWatch, Seen};
 use crate::report::{ControllerState, StatusReport};
+use cnc_msgs::contour::Source;
 use cnc_msgs::further::FurtherAxes;
 use std::time::Duration;
 
@@ -73,12 +74,11 @@ impl ProgramRun {
     }
 
     /// A line of the run is sent now.
-    pub(super) fn watch_line(&mut self, text: &str, source_line: u32, element: Option<usize>) {
-        let Some(watch) = &mut self.watch.watch else { return };
-        let element = element.and_then(|index| self.job.request.path.elements.get(index));
-        let (block, call) =
-            element.map_or((None, 0), |element| (element.source.block, element.source.call));
-        watch.on_sent(text, Culprit { source_line, block, call });
+    pub(super) fn watch_line(&mut self, text: &str, source: Source) {
+        if let Some(watch) = &mut self.watch.watch {
+            let Source { line: source_line, block, call, .. } = source;
+            watch.on_sent(text, Culprit { source_line, block, call });
+        }
     }
 
     /// A line of the run was answered.

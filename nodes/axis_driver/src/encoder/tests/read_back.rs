@@ -167,7 +167,7 @@ proptest! {
             let index = line.element.unwrap();
             let start = path.start_of(index);
             let one = &path.elements[index];
-            prop_assert_eq!(line.source_line, one.source.line);
+            prop_assert_eq!(line.source, one.source);
             let mut from = reader.position;
             let (points, mismatch) = reader.read(&line.text);
             prop_assert!(mismatch <= 0.005, "{} mismatches by {mismatch}", line.text);

@@ -47,7 +47,7 @@ impl BlocksBetween {
                 profile.name
             ),
         )
-        .help("put auxiliary functions into blocks that move in the plane, or cancel the compensation before");
+        .help("put auxiliary functions into blocks that move in the plane, calculate before the selection, or cancel the compensation before");
         finding.alarm.clone_from(&profile.off_plane.alarm);
         finding.other = Some(self.own);
         Some(finding)
