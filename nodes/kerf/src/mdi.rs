@@ -2,12 +2,13 @@
 //! mode. The nodes decide; these commands show their answers.
 
 use crate::ctrl_c::CtrlC;
-use crate::exit::CommandResult;
+use crate::exit::{CommandResult, Failure, Status};
 use crate::operate::{said, with_node};
 use clap::{Args, ValueEnum};
 use cnc_msgs::units::m_from_mm;
 use cnc_msgs::wire::cnc_msgs::srv::{ExecuteMdi, ExecuteMdiRequest, SetTool, SetToolRequest};
 use cnc_msgs::wire::std_srvs::srv::{SetBool, SetBoolRequest, Trigger, TriggerRequest};
+use runtime::CallError;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -86,7 +87,7 @@ pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> CommandResult {
         let mut answer = pin!(client.call_within(request, BLOCK_WITHIN));
         let answer = loop {
             tokio::select! {
-                answer = &mut answer => break answer?,
+                answer = &mut answer => break answer.map_err(may_still_run)?,
                 asked = ctrl_c.next() => {
                     asked?;
                     let cancel = Arc::clone(&cancel);
@@ -99,6 +100,19 @@ pub(crate) fn mdi(args: &MdiArgs, ros_args: &[String]) -> CommandResult {
         };
         said(answer.success, answer.message)
     })
+}
+
+/// A block goes on in the driver, whatever happens to this command.
+fn may_still_run(error: CallError) -> Failure {
+    match error {
+        CallError::Lost { .. } | CallError::NoAnswer { .. } => Failure::new(
+            Status::NoAnswer,
+            format!(
+                "{error}; the block may still be running: see `kerf status`, stop it with `kerf hold` or `kerf abort`"
+            ),
+        ),
+        error => error.into(),
+    }
 }
 
 /// `kerf single-block`

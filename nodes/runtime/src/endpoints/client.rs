@@ -30,9 +30,7 @@ const SETTLE: Duration = Duration::from_millis(100);
 const WAY_WITHIN: Duration = Duration::from_secs(3);
 /// Between two looks for it.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
-/// How long a reply that has arrived may take to its call.
-const HANDED_OVER_WITHIN: Duration = Duration::from_millis(200);
-/// After this long an idempotent request is sent again.
+/// After this long an idempotent request is sent again, or as soon after as it is known to be lost.
 const RESEND_AFTER: Duration = Duration::from_secs(1);
 
 /// The two endpoints of a client.
@@ -59,8 +57,8 @@ pub enum CallError {
     NoAnswer { service: String, waited: Duration },
     /// It had the request, and is gone or has dropped it.
     #[error(
-        "{service} did not answer, and will not: the connection to its node was lost, or the node has ended; \
-         what was asked may have been done: look before you ask again"
+        "{service} did not answer, and will not: its node has ended or has dropped the request, or the connection \
+         to it was lost; if something was to be done, see whether it was before you ask again"
     )]
     Lost { service: String },
     /// There is a server, but requests do not get there.
@@ -244,17 +242,13 @@ impl Shared {
         answer_within: Duration,
     ) -> Result<Answer, CallError> {
         self.wait_for_way(SERVER_WITHIN).await?;
-        let (Sent { sequence, open }, mut answer) = self.send(request)?;
+        let (Sent { sequence, end }, answer) = self.send(request)?;
         let _forget = Forget { shared: self, sequences: vec![sequence] };
         tokio::select! {
             biased;
-            Ok(answer) = &mut answer => return Ok(answer),
-            () = closed(open) => {}
-            () = tokio::time::sleep(answer_within) => return Err(self.no_answer(answer_within)),
-        }
-        match tokio::time::timeout(HANDED_OVER_WITHIN, answer).await {
-            Ok(Ok(answer)) => Ok(answer),
-            _ => Err(CallError::Lost { service: self.name.clone() }),
+            Ok(answer) = answer => Ok(answer),
+            () = lost(end) => Err(CallError::Lost { service: self.name.clone() }),
+            () = tokio::time::sleep(answer_within) => Err(self.no_answer(answer_within)),
         }
     }
 
@@ -269,17 +263,23 @@ impl Shared {
         let mut answers = Vec::new();
         self.wait_for_way(answer_within.min(SERVER_WITHIN)).await?;
         loop {
-            let (Sent { sequence, .. }, answer) = self.send(request)?;
+            let (Sent { sequence, end }, answer) = self.send(request)?;
             forget.sequences.push(sequence);
             answers.push(answer);
             let left = answer_within.saturating_sub(start.elapsed());
             // An answer to any of the attempts counts.
             let any = futures::future::select_ok(answers.iter_mut());
             let period = resend_after(forget.sequences.len());
-            match tokio::time::timeout(left.min(period), any).await {
-                Ok(Ok((answer, _))) => return Ok(answer),
-                _ if left <= period => return Err(self.no_answer(answer_within)),
-                _ => {}
+            let is_lost = async {
+                lost(end).await;
+                tokio::time::sleep(RESEND_AFTER).await;
+            };
+            tokio::select! {
+                biased;
+                Ok((answer, _)) = any => return Ok(answer),
+                () = tokio::time::sleep(left) => return Err(self.no_answer(answer_within)),
+                () = is_lost => {}
+                () = tokio::time::sleep(period) => {}
             }
         }
     }
@@ -299,13 +299,14 @@ impl Shared {
     }
 }
 
-/// Waits until no further reply will come; for ever where the middleware does not say so.
-async fn closed(open: Option<oneshot::Receiver<()>>) {
-    match open {
-        // Nothing is ever sent on it.
-        Some(open) => drop(open.await),
-        None => std::future::pending().await,
+/// Waits until no reply will come; for ever where one has come, or the middleware does not say so.
+async fn lost(end: Option<oneshot::Receiver<()>>) {
+    if let Some(end) = end
+        && end.await.is_err()
+    {
+        return;
     }
+    std::future::pending().await
 }
 
 /// Removes calls whose caller has given up.

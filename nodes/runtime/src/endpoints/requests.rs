@@ -11,8 +11,8 @@ use tokio::sync::oneshot;
 pub(crate) struct Sent {
     /// Its number at this client.
     pub(crate) sequence: i64,
-    /// Is closed when no further reply will come, where the middleware says so.
-    pub(crate) open: Option<oneshot::Receiver<()>>,
+    /// Gets word when a reply has come, and is closed when none will, where the middleware says so.
+    pub(crate) end: Option<oneshot::Receiver<()>>,
 }
 
 /// Numbers the requests of a client and sends them.
@@ -26,12 +26,10 @@ impl Requests {
     /// Sends the CDR of a request.
     pub(crate) fn send(&mut self, body: &[u8]) -> Result<Sent, String> {
         match self {
-            Self::Dds(requests) => {
-                requests.send(body).map(|sequence| Sent { sequence, open: None })
-            }
+            Self::Dds(requests) => requests.send(body).map(|sequence| Sent { sequence, end: None }),
             #[cfg(feature = "zenoh")]
             Self::Zenoh(requests) => {
-                requests.send(body).map(|(sequence, open)| Sent { sequence, open: Some(open) })
+                requests.send(body).map(|(sequence, end)| Sent { sequence, end: Some(end) })
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Sends requests, each as a query, and passes the replies on.
 
+use crate::process::lock;
 use crate::process::time::RosTime;
 use crate::samples::gid::Gid;
 use crate::samples::sample::{RequestId, Sample, SampleInfo};
@@ -9,7 +10,7 @@ use crate::zenoh::inbox::Inbox;
 use crate::zenoh::link::beside_other_tasks;
 use crate::zenoh::names::gid_of;
 use crate::zenoh::publisher::BYTES_MAX;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use tokio::sync::oneshot;
 use zenoh::Wait;
 use zenoh::query::{Querier, Reply};
@@ -45,8 +46,8 @@ impl Requests {
         self.querier.matching_status().wait().map_or(true, |status| status.matching())
     }
 
-    /// Sends the CDR of a request; returns its number, and what is closed when its replies have come
-    /// or none will: the server has it no more, or the link to it was lost.
+    /// Sends the CDR of a request; returns its number, and what says that a reply has come, or is closed
+    /// when none will: the server has it no more, or the link to it was lost.
     pub(crate) fn send(&mut self, body: &[u8]) -> Result<(i64, oneshot::Receiver<()>), String> {
         if body.len() > BYTES_MAX {
             return Err(format!(
@@ -63,23 +64,25 @@ impl Requests {
         };
         let replies = Arc::clone(&self.replies);
         // Zenoh drops the callback with the query.
-        let (open, closed) = oneshot::channel::<()>();
+        let (replied, end) = oneshot::channel::<()>();
+        let replied = Mutex::new(Some(replied));
         let query =
             self.querier.get().payload(encapsulated(body)).attachment(attachment.bytes()).callback(
                 move |reply: Reply| {
-                    let _ends_with_the_query = &open;
                     if let Some(item) = sample(&reply, request) {
                         drop(replies.push(item));
+                        // Whoever waited may have given up.
+                        let _ = lock(&replied).take().map(|it| it.send(()));
                     }
                 },
             );
         let sent = beside_other_tasks(|| query.wait());
         sent.map_err(|error| error.to_string())?;
-        Ok((self.sequence, closed))
+        Ok((self.sequence, end))
     }
 }
 
-/// A reply; none for one that says that there is none, which the caller notices by the time.
+/// A reply; none for one that says that there is none: the caller notices it by the end of the query.
 fn sample(reply: &Reply, request: RequestId) -> Option<Result<Sample, String>> {
     let found = reply.result().ok()?;
     // The server, by its session.

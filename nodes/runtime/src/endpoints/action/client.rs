@@ -27,7 +27,7 @@ const UNFOLLOWED_WITHIN: Duration = Duration::from_secs(1);
 /// Feedback that may wait unread; what is newer is dropped.
 const FEEDBACK_MAX: usize = 256;
 /// When to ask for a result again, in case the server was restarted:
-/// after 5 s, then after twice as long each time, up to 5 min.
+/// after 5 s, then after twice as long each time, up to 160 s.
 const RESULT_AGAIN: (Duration, u32) = (Duration::from_secs(5), 6);
 
 /// Why there is no result.

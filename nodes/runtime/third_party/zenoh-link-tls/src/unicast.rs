@@ -11,6 +11,9 @@
 // Contributors:
 //   ZettaScale Zenoh Team, <zenoh@zettascale.tech>
 //
+// Changed by Kerf: one lock for both directions of a link, its close has a limit of time, and what was
+// written is flushed (docs/upstream/zenoh-tls-two-threads.md).
+//
 #[cfg(all(feature = "uring", target_os = "linux"))]
 use std::os::fd::RawFd;
 use std::{
@@ -52,6 +55,9 @@ use crate::{
 
 #[derive(Default, Debug, PartialEq, Eq, Hash)]
 pub struct TlsCommonName(String);
+
+/// How long the end of a link may take to be said.
+const CLOSE_WITHIN: Duration = Duration::from_secs(2);
 
 pub struct LinkUnicastTls {
     // The two halves of the socket. A TLS stream has one state for both directions, so the halves
@@ -141,13 +147,18 @@ impl LinkUnicastTls {
 
     async fn close(&self) -> ZResult<()> {
         tracing::trace!("Closing TLS link: {}", self);
-        let mut writer = zasynclock!(self.writer);
-        let res = writer.flush().await;
-        tracing::trace!("TLS link flush {}: {:?}", self, res);
-        // Tell the peer that this is the end, and close the underlying TCP stream
-        let res = writer.shutdown().await;
+        // Tell the peer that this is the end, and close the underlying TCP stream. A peer that reads
+        // nothing any more must not keep the transport from ending.
+        let ends = async {
+            let mut writer = zasynclock!(self.writer);
+            writer.shutdown().await
+        };
+        let res = tokio::time::timeout(CLOSE_WITHIN, ends).await;
         tracing::trace!("TLS link shutdown {}: {:?}", self, res);
-        res.map_err(|e| zerror!(e).into())
+        match res {
+            Ok(res) => res.map_err(|e| zerror!(e).into()),
+            Err(e) => Err(zerror!(e).into()),
+        }
     }
 }
 
@@ -176,7 +187,13 @@ impl LinkUnicastTrait for LinkUnicastTls {
     }
 
     async fn write_all(&self, buffer: &[u8], _priority: Option<Priority>) -> ZResult<()> {
-        zasynclock!(self.writer).write_all(buffer).await.map_err(|e| {
+        // The session keeps what the socket does not take, until the next write or a flush.
+        let mut writer = zasynclock!(self.writer);
+        let res = match writer.write_all(buffer).await {
+            Ok(()) => writer.flush().await,
+            Err(e) => Err(e),
+        };
+        res.map_err(|e| {
             tracing::trace!("Write error on TLS link {}: {}", self, e);
             zerror!(e).into()
         })
