@@ -364,7 +364,10 @@ fn a_calculation_under_compensation_is_a_block_of_the_contour() {
     let refused = loaded(SIEMENS, text, &[]).0;
     assert!(!refused.is_accepted(), "R1 is set in this block, and read in it");
     assert_eq!(calculations(&text.replace(" R2=R1", " R2=3")), 2);
-    assert_eq!(calculations(&text.replace(" R2=R1", " L5").replace("M30\n", "M30\n%SPF5\nM17\n")), 2);
+    assert_eq!(
+        calculations(&text.replace(" R2=R1", " L5").replace("M30\n", "M30\n%SPF5\nM17\n")),
+        2
+    );
     assert_eq!(calculations("R1=5\nG0 X=R1\nR1=6\nM30\n"), 0);
 }
 

@@ -8,7 +8,7 @@ use crate::endpoints::graph::LOOPBACK_PARTICIPANTS_MAX;
 use crate::endpoints::middleware::Middleware;
 use crate::process::lock;
 use crate::process::shutdown::Shutdown;
-use crate::process::watchdog::EndOfProcess;
+use crate::process::watchdog::{Deafness, EndOfProcess};
 use crate::rustdds::dds_threads::{DdsThreads, dds_threads};
 use crate::rustdds::dds_watch;
 use crate::rustdds::dropped_publishers::DroppedPublishers;
@@ -29,7 +29,7 @@ pub(crate) fn join(
     names: &Names,
     environment: &Environment,
     enclave: Option<&Path>,
-    (deaf, end): (watch::Sender<Option<String>>, Option<EndOfProcess>),
+    (deaf, end): (watch::Sender<Option<Deafness>>, Option<EndOfProcess>),
     shutdown: Shutdown,
 ) -> Result<Joined, NodeError> {
     let (participant, threads) = participant(environment, enclave)?;

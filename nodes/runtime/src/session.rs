@@ -23,8 +23,11 @@ use crate::process::watchdog::{EndOfProcess, Watchdog};
 use crate::rustdds::memory_bound::MemoryBound;
 use ros2_client::Context;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::watch;
+
+/// How long the middleware may take to end.
+const ENDS_WITHIN: Duration = Duration::from_secs(5);
 
 /// A started node, with everything that must be torn down in order.
 pub struct Session {
@@ -170,9 +173,20 @@ impl Session {
             tracing::warn!("a task does not end; the node stops without it");
         }
         tokio::time::sleep(Duration::from_millis(500)).await;
-        drop(self.watch);
-        inner.middleware.stop();
-        drop(self.context);
+        let Self { watch, handle, context } = self;
+        let ending = std::thread::spawn(move || {
+            drop(watch);
+            handle.inner.middleware.stop();
+            drop(context);
+        });
+        let end = Instant::now() + ENDS_WITHIN;
+        while !ending.is_finished() {
+            if Instant::now() >= end {
+                // It hangs in the middleware; the process is about to end.
+                return tracing::warn!("the middleware does not end; the node stops without it");
+            }
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
     }
 }
 

@@ -21,6 +21,7 @@ use crate::process::lifecycle_states::LifecycleState;
 use crate::process::memory::Memory;
 use crate::process::shutdown::Shutdown;
 use crate::process::time::{Clock, RosTime};
+use crate::process::watchdog::Deafness;
 use crate::samples::qos::Qos;
 use cnc_msgs::interface::{Message, Service};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -46,7 +47,7 @@ pub(crate) struct Inner {
     pub(crate) lifecycle: tokio::sync::watch::Sender<Option<LifecycleState>>,
     pub(crate) shutdown: Shutdown,
     /// Why the middleware does not serve this node any more; `None` while it does.
-    pub(crate) deaf: tokio::sync::watch::Sender<Option<String>>,
+    pub(crate) deaf: tokio::sync::watch::Sender<Option<Deafness>>,
     pub(crate) tasks: Mutex<JoinSet<()>>,
     pub(crate) memory: OnceLock<Memory>,
 }
@@ -83,10 +84,18 @@ impl Handle {
     pub async fn deaf(&self) -> String {
         let mut deaf = self.inner.deaf.subscribe();
         // The sender lives as long as `self`.
-        match deaf.wait_for(Option::is_some).await {
-            Ok(reason) => reason.clone().unwrap_or_default(),
-            Err(_) => std::future::pending().await,
+        if deaf.wait_for(Option::is_some).await.is_err() {
+            return std::future::pending().await;
         }
+        let mut reason = String::new();
+        self.inner.deaf.send_if_modified(|deafness| {
+            if let Some(deafness) = deafness {
+                deafness.is_heard = true;
+                reason.clone_from(&deafness.reason);
+            }
+            false
+        });
+        reason
     }
 
     /// Gives the node a memory; to be called before its actions are offered.

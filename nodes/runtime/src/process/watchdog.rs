@@ -10,13 +10,26 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::watch;
 
+/// How long a command may take to notice that it is deaf, in checks: one that hangs in the middleware
+/// never does.
+const UNHEARD_CHECKS_MAX: u32 = 20;
+/// The exit status of a command that no node answers.
+const NO_ANSWER: u8 = 3;
 /// The time between two checks.
 pub(crate) const CHECK_PERIOD: Duration = Duration::from_millis(250);
+
+/// That the process receives nothing any more.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Deafness {
+    pub(crate) reason: String,
+    /// Somebody in the process acts on it.
+    pub(crate) is_heard: bool,
+}
 
 /// What to do when the process is deaf or takes too much memory.
 pub(crate) struct EndOfProcess {
     pub(crate) logger: String,
-    /// A node exits when it is deaf; a command reconnects.
+    /// A node exits when it is deaf; a command says so or reconnects, and exits where it does neither.
     pub(crate) when_deaf: bool,
     /// A sentence with the numbers, when the process takes too much.
     pub(crate) exceeded: Box<dyn Fn() -> Option<String> + Send>,
@@ -39,7 +52,7 @@ impl Watchdog {
     /// The system has no thread left.
     pub(crate) fn start(
         name: &str,
-        deaf: watch::Sender<Option<String>>,
+        deaf: watch::Sender<Option<Deafness>>,
         end: Option<EndOfProcess>,
         check: impl FnMut() -> Result<(), String> + Send + 'static,
     ) -> std::io::Result<Self> {
@@ -71,10 +84,11 @@ impl Drop for Watchdog {
 fn watch_until(
     stopped: &Receiver<()>,
     notifier: &Mutex<Notifier>,
-    deaf: &watch::Sender<Option<String>>,
+    deaf: &watch::Sender<Option<Deafness>>,
     end: Option<&EndOfProcess>,
     mut check: impl FnMut() -> Result<(), String>,
 ) {
+    let mut unheard_checks = 0;
     while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(CHECK_PERIOD) {
         if let Some(EndOfProcess { logger, exceeded, .. }) = end
             && let Some(what) = exceeded()
@@ -85,19 +99,27 @@ fn watch_until(
         let checked = check();
         // Not in the condition: its lock would be held in what follows.
         let known = deaf.borrow().clone();
-        let Some(reason) = known.or(checked.err()) else {
+        let is_heard = known.as_ref().is_some_and(|deafness| deafness.is_heard);
+        let Some(reason) = known.map(|deafness| deafness.reason).or(checked.err()) else {
             lock(notifier).alive();
             continue;
         };
-        if let Some(EndOfProcess { logger, when_deaf: true, .. }) = end {
-            let text = format!(
-                "{reason}; this process receives nothing any more and ends with status {DEAF}"
-            );
-            panic_guard::exit_now(DEAF, logger, &text);
+        if let Some(EndOfProcess { logger, when_deaf, .. }) = end {
+            unheard_checks += u32::from(!is_heard);
+            let status = match when_deaf {
+                true => Some(DEAF),
+                false => (unheard_checks > UNHEARD_CHECKS_MAX).then_some(NO_ANSWER),
+            };
+            if let Some(status) = status {
+                let text = format!(
+                    "{reason}; this process receives nothing any more and ends with status {status}"
+                );
+                panic_guard::exit_now(status, logger, &text);
+            }
         }
         deaf.send_if_modified(|known| {
             let is_new = known.is_none();
-            known.get_or_insert(reason);
+            known.get_or_insert(Deafness { reason, is_heard: false });
             is_new
         });
     }

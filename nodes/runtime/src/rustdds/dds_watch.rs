@@ -16,7 +16,7 @@
 //! [`FAILED_CHECKS_MAX`] checks. Checks are counted, not seconds: a process that is stopped, or gets
 //! no processor time, does not check either.
 
-use crate::process::watchdog::{CHECK_PERIOD, EndOfProcess, Watchdog};
+use crate::process::watchdog::{CHECK_PERIOD, Deafness, EndOfProcess, Watchdog};
 use crate::rustdds::dds_threads::{DdsThreads, RECEIVING, ThreadState};
 use rustdds::DomainParticipant;
 use std::net::{Ipv4Addr, UdpSocket};
@@ -45,7 +45,7 @@ pub(crate) fn start(
     participant: DomainParticipant,
     domain_id: u16,
     threads: DdsThreads,
-    deaf: watch::Sender<Option<String>>,
+    deaf: watch::Sender<Option<Deafness>>,
     end: Option<EndOfProcess>,
 ) -> std::io::Result<Watchdog> {
     let port = metatraffic_port(domain_id, participant.participant_id());

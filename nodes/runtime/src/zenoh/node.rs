@@ -1,7 +1,7 @@
 //! A node on a session of Zenoh: makes its endpoints.
 
 use crate::process::time::RosTime;
-use crate::process::watchdog::{EndOfProcess, Watchdog};
+use crate::process::watchdog::{Deafness, EndOfProcess, Watchdog};
 use crate::samples::gid::Gid;
 use crate::samples::qos::Qos;
 use crate::samples::sample::{Sample, SampleInfo};
@@ -215,7 +215,7 @@ impl Node {
     /// Watches the session; `deaf` gets the reason once when it is closed, unless the process exits.
     pub(crate) fn watch(
         &self,
-        deaf: watch::Sender<Option<String>>,
+        deaf: watch::Sender<Option<Deafness>>,
         end: Option<EndOfProcess>,
     ) -> std::io::Result<Watchdog> {
         let session = self.session.clone();
