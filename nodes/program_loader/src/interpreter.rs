@@ -51,6 +51,7 @@ use further::Further;
 use machine_words::Overrides;
 pub(crate) use offsets::OffsetWord;
 use polar::Polar;
+use probe::Probes;
 use request::Request;
 pub(crate) use request::code_in_tenths;
 use saved_state::SavedState;
@@ -75,6 +76,8 @@ pub(crate) enum After {
     },
     /// M99.
     EndOfProgram,
+    /// Nothing: the block needs the result of a probe that is still to come.
+    Probe,
 }
 
 /// What stays in force from one block to the next.
@@ -150,6 +153,7 @@ pub(crate) struct Interpreter<'r> {
     open_curve: Option<OpenCurve>,
     /// P and Q of the last G5, while no other motion has come.
     last_cubic: Option<[f64; 2]>,
+    probes: Probes,
 }
 
 impl<'r> Interpreter<'r> {
@@ -216,6 +220,7 @@ impl<'r> Interpreter<'r> {
             stored: BTreeMap::new(),
             open_curve: None,
             last_cubic: None,
+            probes: Probes::default(),
         }
     }
 

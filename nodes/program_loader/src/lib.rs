@@ -37,6 +37,7 @@ pub mod limits;
 #[cfg(feature = "node")]
 pub mod node;
 pub mod parameter_file;
+pub mod probe_results;
 pub mod render;
 pub mod subroutines;
 pub mod upload;
@@ -53,7 +54,7 @@ use flow::FlowMap;
 use interpreter::{Interpreter, code_in_tenths};
 use limits::FlowLimits;
 use parameter_file::Left;
-use reader::Reader;
+use reader::{Read, Reader};
 use rules::Rules;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -86,6 +87,9 @@ pub struct Loaded {
     /// The parameters that the program has used, where it leaves any to the next one
     /// ([`parameter_file`]).
     pub left: Vec<Left>,
+    /// The block that needs the result of a probe which the text does not have: the contour ends before
+    /// it ([`probe_results`]).
+    pub awaits: Option<Source>,
 }
 
 impl Loaded {
@@ -107,6 +111,7 @@ impl Loaded {
             places.push(&mut finding.source);
             places.extend(&mut finding.other);
         }
+        places.extend(&mut self.awaits);
         for source in places {
             source.call = numbers[source.call as usize];
         }
@@ -183,6 +188,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         findings.push(wrong);
     }
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
+    let (text, results) = probe_results::split(text);
     let text = without_filler(text);
     let text = if options.is_single_block { text.trim_ascii_end() } else { text };
     let line_feeds = memchr::memchr_iter(b'\n', text).count();
@@ -210,17 +216,27 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     let stored = if has_file { parameter_file::values_of(text) } else { Vec::new() };
     let mut interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
     interpreter.store(&stored, &mut findings);
+    interpreter.take_results(results);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
     reader.store(&stored);
-    let (interpreter, parameters, mut findings, calls) = reader.read();
+    let Read { interpreter, parameters, mut findings, calls, awaits } = reader.read();
+    if let Some(source) = awaits {
+        findings.begin_block();
+        let message = "what follows needs the result of a probe, which is known only while the machine runs: \
+                       the plan ends here";
+        let help = "set the zero where the probe has touched with G10 L20, and write places as numbers \
+                    from there";
+        findings.push(Finding::warning(Code::Unsupported, source, message).help(help));
+    }
     findings.explain(&calls);
     if findings.has_error() {
         return refused(findings);
     }
-    let left = if has_file { parameters.left(&stored) } else { Vec::new() };
+    let is_whole = awaits.is_none();
+    let left = if has_file && is_whole { parameters.left(&stored) } else { Vec::new() };
     let (contour, bounds, named_tools) = interpreter.finish();
-    let mut loaded =
-        Loaded { contour, findings: findings.finish(), line_count, bounds, named_tools, left };
+    let findings = findings.finish();
+    let mut loaded = Loaded { contour, findings, line_count, bounds, named_tools, left, awaits };
     loaded.take_calls(calls);
     loaded
 }

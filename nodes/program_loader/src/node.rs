@@ -16,6 +16,7 @@ use crate::{LoadOptions, Loaded, load};
 use cnc_msgs::calls::chain_after;
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
+use cnc_msgs::finding::Finding;
 use cnc_msgs::interface::Service;
 use cnc_msgs::profile::{Profile, UnknownReaction};
 use cnc_msgs::units::{point_from_position, position_from_point};
@@ -413,9 +414,11 @@ impl Loader {
     }
 }
 
-/// The response for a rejected program; `None` for an accepted one.
+/// The response for a rejected program; `None` for an accepted one. What can be planned to the result
+/// of a probe only is rejected as well: a run does not go on from it yet.
 pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
-    let mut errors = loaded.findings.iter().filter(|finding| finding.is_error());
+    let is_cause = |finding: &&Finding| finding.is_error() || Some(finding.source) == loaded.awaits;
+    let mut errors = loaded.findings.iter().filter(is_cause);
     let first = errors.next()?;
     let (line, message) = (first.source.line, &first.message);
     let calls = chain_after(&first.calls);

@@ -21,6 +21,7 @@ use crate::parameters::{CannotSet, Parameters};
 use crate::rules::Rules;
 use crate::values::Values;
 use cnc_msgs::calls::Calls;
+use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding};
 
 /// Which part of the text is being read.
@@ -51,6 +52,20 @@ pub(crate) struct Reader<'r> {
     has_reported_log: bool,
     /// Nothing where the program has no O words.
     flow: Option<Flow<'r>>,
+    /// The line that needs the result of a probe which is still to come.
+    awaits: Option<Source>,
+}
+
+/// What a program has come to.
+pub(crate) struct Read<'r> {
+    pub(crate) interpreter: Interpreter<'r>,
+    /// At the end.
+    pub(crate) parameters: Parameters,
+    pub(crate) findings: Findings,
+    /// That the findings and events were made in.
+    pub(crate) calls: Calls,
+    /// The line that needs the result of a probe which is still to come: nothing was read from there on.
+    pub(crate) awaits: Option<Source>,
 }
 
 /// How a line ends.
@@ -84,6 +99,7 @@ impl<'r> Reader<'r> {
             has_reported_log: false,
             flow: (!flow.entries.is_empty())
                 .then(|| Flow::new(text, flow, rules.dialect.lexer.programs, options.flow)),
+            awaits: None,
         }
     }
 
@@ -92,9 +108,8 @@ impl<'r> Reader<'r> {
         self.parameters.store(values);
     }
 
-    /// Reads and executes the program; returns what it has come to, its parameters at the end, all
-    /// findings, and the calls that they were made in.
-    pub(crate) fn read(mut self) -> (Interpreter<'r>, Parameters, Findings, Calls) {
+    /// Reads and executes the program.
+    pub(crate) fn read(mut self) -> Read<'r> {
         let text = self.text;
         let mut cursor = Cursor { offset: 0, line: 1 };
         let mut last_line = 0;
@@ -120,13 +135,16 @@ impl<'r> Reader<'r> {
             break;
         }
         self.findings.begin_block();
-        if self.options.is_single_block && !self.block.is_binary {
+        if self.awaits.is_some() {
+            // Its end is still to be read.
+        } else if self.options.is_single_block && !self.block.is_binary {
             self.refuse_unless_single(last_line);
         } else if !self.block.is_binary {
             self.check_end(last_line);
         }
         let calls = self.flow.map(Flow::into_calls).unwrap_or_default();
-        (self.interpreter, self.parameters, self.findings, calls)
+        let Self { interpreter, parameters, findings, awaits, .. } = self;
+        Read { interpreter, parameters, findings, calls, awaits }
     }
 
     /// Reads and executes one line.
@@ -174,6 +192,7 @@ impl<'r> Reader<'r> {
                 self.section = Section::After { end_line: line.number, is_reported: false };
                 Outcome::Line
             }
+            After::Probe => Outcome::Stop,
             after => self.no_program(line, after),
         }
     }
@@ -188,9 +207,13 @@ impl<'r> Reader<'r> {
             is_single_block: self.options.is_single_block,
         };
         let rules = &self.rules.dialect.lexer;
+        let before = self.place();
         lexer::read(line, rules, &mut self.block, &mut self.findings, &values);
         if self.block.is_binary {
             return After::End;
+        }
+        if self.interpreter.needs_stretch() && !self.stretch(line, before) {
+            return After::Probe;
         }
         if !self.block.assignments.is_empty() {
             self.has_blocks = true;
@@ -198,7 +221,14 @@ impl<'r> Reader<'r> {
             self.assign(line);
         }
         if let Some(remark) = self.block.remark.take() {
+            let before = self.place();
             self.remark(line, remark);
+            if self.interpreter.needs_stretch() {
+                if !self.stretch(line, before) {
+                    return After::Probe;
+                }
+                self.remark(line, remark);
+            }
         }
         if self.block.words.is_empty() && !self.block.is_damaged {
             return After::Block;
@@ -209,6 +239,25 @@ impl<'r> Reader<'r> {
             self.refuse_lasting(line);
         }
         self.interpreter.execute(line, &self.block, &mut self.findings)
+    }
+
+    /// How many findings and events there are.
+    #[inline]
+    fn place(&self) -> (usize, usize) {
+        (self.findings.count(), self.interpreter.event_count())
+    }
+
+    /// Begins a stretch at a line that needs the result of a probe, in place of what the line has come to
+    /// since; returns whether the result is there.
+    #[cold]
+    fn stretch(&mut self, line: Line<'_>, (findings, events): (usize, usize)) -> bool {
+        let source = line.source(None, 0, line.text.trim_ascii_end().len());
+        let is_known = self.interpreter.begin_stretch(source, events);
+        if !is_known {
+            self.findings.revise(findings, |_| false);
+            self.awaits = Some(source);
+        }
+        is_known
     }
 
     /// Reports what acts on later blocks only, in a block by hand.
@@ -272,13 +321,18 @@ impl<'r> Reader<'r> {
     }
 
     fn step(&mut self, line: Line<'_>, at: Cursor) -> Next {
+        let before = self.place();
         let Some(flow) = &mut self.flow else { return Next::Line };
         let mut world = World {
             parameters: &mut self.parameters,
             interpreter: &self.interpreter,
             findings: &mut self.findings,
         };
-        match flow.step(line, at.offset, &mut world) {
+        let next = flow.step(line, at.offset, &mut world);
+        if self.interpreter.needs_stretch() && !self.stretch(line, before) {
+            return Next::Stop;
+        }
+        match next {
             Next::Block => {}
             next => {
                 self.has_blocks = true;
@@ -292,6 +346,7 @@ impl<'r> Reader<'r> {
         let Some(flow) = &mut self.flow else { return Next::Line };
         match after {
             After::Block => Next::Line,
+            After::Probe => Next::Stop,
             After::End
                 if self.rules.dialect.lexer.programs.is_some()
                     && flow.depth() > 0

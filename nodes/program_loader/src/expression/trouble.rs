@@ -105,9 +105,7 @@ impl Trouble {
             Self::CompensatedPosition => {
                 format!("{quote} cannot be read under cutter radius compensation")
             }
-            Self::Probed => format!(
-                "{quote} is the result of a probe, which is known only while the machine runs"
-            ),
+            Self::Probed => format!("{quote} is the result of a probe, and none comes before it"),
             Self::NotHere { what } => format!("{quote} is {what}"),
         }
     }
@@ -153,9 +151,7 @@ impl Trouble {
                 format!("move {axis} with G90 and G0 or G1 before this block")
             }
             Self::CompensatedPosition => "read it before G41 or G42, or after G40".to_owned(),
-            Self::Probed => "set the zero where the probe has touched with G10 L20, and write \
-                             places as numbers from there"
-                .to_owned(),
+            Self::Probed => "probe before this block (G38.2)".to_owned(),
             Self::NotHere { .. } => "write the value as a number".to_owned(),
         }
     }

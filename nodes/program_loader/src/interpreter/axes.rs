@@ -102,6 +102,11 @@ impl Axes {
         AxisSet::from_bits(axes.bits() & self.unknown.bits() & self.drifting.bits())
     }
 
+    /// Whether an axis stands where a probe has ended, or by so much from there.
+    pub(super) fn is_drifting(&self, axis: usize) -> bool {
+        !self.drifting(AxisSet::NONE.with(axis)).is_empty()
+    }
+
     /// Marks axes as unknown because of an error that has been reported.
     pub(super) fn poison(&mut self, axes: AxisSet) {
         self.poisoned = self.poisoned.union(axes);

@@ -215,7 +215,7 @@ impl Interpreter<'_> {
     }
 
     /// The tool stands here now, because the frame has moved: a rapid of no length says so.
-    fn stand(&mut self, named: AxisSet, place: Position, further: FurtherAxes) {
+    pub(super) fn stand(&mut self, named: AxisSet, place: Position, further: FurtherAxes) {
         for axis in (0..3).filter(|&axis| named.contains(axis)) {
             self.axes.position[axis] = received_mm(place[axis]);
         }

@@ -3,14 +3,39 @@
 //! Where that is, a plan does not know. So the axes of a probe are not known after it, and can only be
 //! moved from there by so much (G91), until a block names them absolutely, or a work offset is set there by the position (G10 L20), which is the
 //! machine's to compute.
+//!
+//! A block that reads the result begins a new stretch. What is before it stays as it is when the results
+//! are there, so that a run goes on where it stands.
 
 use super::axes::{Cause, Reliance};
 use super::{Interpreter, Scene};
 use crate::dialect::FeedMode;
+use crate::expression::Trouble;
 use crate::limits::STAYS_MM;
-use cnc_msgs::contour::{Action, MotionClass, Probe};
+use crate::probe_results::ProbeResult;
+use cnc_msgs::contour::{Action, MotionClass, Probe, Source};
 use cnc_msgs::finding::Code;
-use cnc_msgs::geometry::Shape;
+use cnc_msgs::further::FurtherAxes;
+use cnc_msgs::geometry::{AxisSet, Position, Shape};
+use cnc_msgs::units::received_mm;
+use std::cell::Cell;
+
+/// The probes of a program, and what is known of them.
+#[derive(Debug, Default)]
+pub(super) struct Probes {
+    /// Of the run, in its order.
+    results: Vec<ProbeResult>,
+    /// Probes so far.
+    count: usize,
+    /// `#5061` to `#5070` after the last probe, if its result is there.
+    values: Option<[f64; 10]>,
+    /// How far the axes of the probes have stopped from the ends of their ways, mm.
+    off: Position,
+    /// No stretch has begun since the last probe.
+    is_open: bool,
+    /// What is being read needs one.
+    is_asked: Cell<bool>,
+}
 
 impl Interpreter<'_> {
     #[cold]
@@ -47,7 +72,84 @@ impl Interpreter<'_> {
             self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, MotionClass::Feed, end.named);
         }
+        self.count_probe(end.named);
         self.axes.drift(end.named, Cause { source: self.source, word });
+    }
+
+    /// A probe has moved these axes, at the most to where they are now.
+    fn count_probe(&mut self, named: AxisSet) {
+        let result = self.probes.results.get(self.probes.count).copied();
+        self.probes.count += 1;
+        self.probes.is_open = true;
+        self.probes.values = result.map(|result| self.values_of(&result));
+        for axis in (0..3).filter(|&axis| named.contains(axis)) {
+            let end = self.axes.position[axis];
+            self.probes.off[axis] = result.map_or(0.0, |result| result.stands[axis] - end);
+        }
+    }
+
+    /// A result as the program reads it.
+    fn values_of(&self, result: &ProbeResult) -> [f64; 10] {
+        std::array::from_fn(|index| match index {
+            0..3 => (result.contact[index] - self.modal.shift[index]) / self.scale_of(index),
+            9 => f64::from(u8::from(result.has_touched)),
+            _ => {
+                let axis = index - 3;
+                let scale = if FurtherAxes::is_rotary(axis) { 1.0 } else { self.scale() };
+                self.further.programmed(axis).map_or(0.0, |place| place / scale)
+            }
+        })
+    }
+
+    /// Takes what the probes of a run have found so far.
+    pub(crate) fn take_results(&mut self, results: Vec<ProbeResult>) {
+        self.probes.results = results;
+    }
+
+    /// `#5061` to `#5070`.
+    pub(super) fn probe_value(&self, number: u32) -> Option<Result<f64, Trouble>> {
+        let Probes { count, values, is_open, is_asked, .. } = &self.probes;
+        if *count > 0 && *is_open {
+            if self.modal.compensation.is_selected() {
+                return Some(Err(Trouble::CompensatedPosition));
+            }
+            is_asked.set(true);
+        }
+        Some(values.map(|values| values[(number - 5061) as usize]).ok_or(Trouble::Probed))
+    }
+
+    /// Where an axis stands after a probe, in the work frame, mm.
+    pub(super) fn measured(&self, axis: usize) -> Option<f64> {
+        self.probes.is_asked.set(true);
+        self.probes.values.map(|_| self.axes.position[axis] + self.probes.off[axis])
+    }
+
+    /// Whether what is being read needs the result of a probe, and no stretch has begun since.
+    #[inline]
+    pub(crate) fn needs_stretch(&self) -> bool {
+        self.probes.is_asked.get()
+    }
+
+    /// Begins a stretch after so many events; whether the results that it needs are there. The place of
+    /// the tool is known then.
+    #[cold]
+    pub(crate) fn begin_stretch(&mut self, source: Source, events: usize) -> bool {
+        self.contour.events.truncate(events);
+        self.source = source;
+        self.probes.is_open = false;
+        self.probes.is_asked.set(false);
+        self.act(Action::Stretch);
+        if self.probes.values.is_none() {
+            return false;
+        }
+        let drifting = self.axes.drifting(AxisSet::ALL);
+        if !drifting.is_empty() {
+            let place = std::array::from_fn(|axis| {
+                received_mm(self.axes.position[axis] + self.probes.off[axis])
+            });
+            self.stand(drifting, place, FurtherAxes::NONE);
+        }
+        true
     }
 
     #[cold]

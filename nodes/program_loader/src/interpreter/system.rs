@@ -36,6 +36,9 @@ impl Interpreter<'_> {
         if number < 5000 {
             return None;
         }
+        if (5061..=5070).contains(&number) {
+            return self.probe_value(number);
+        }
         if let Some(&value) = self.stored.get(&number) {
             return Some(Ok(value));
         }
@@ -43,7 +46,6 @@ impl Interpreter<'_> {
             return Some(Err(Trouble::NotHere { what: (*what).to_owned() }));
         }
         match number {
-            5061..=5070 => Some(Err(Trouble::Probed)),
             5210 => Some(Ok(truth(self.is_shifted()))),
             5211..=5213 => Some(Ok(self.modal.kept_shift[(number - 5211) as usize])),
             5214..=5219 => {
@@ -139,6 +141,12 @@ impl Interpreter<'_> {
             return Err(Trouble::CompensatedPosition);
         }
         match self.axes.rely_on(AxisSet::NONE.with(axis)) {
+            Reliance::Unknown(_) if self.axes.is_drifting(axis) => {
+                let place = self
+                    .measured(axis)
+                    .map(|place| (place - self.modal.shift[axis]) / self.scale());
+                place.ok_or(Trouble::UnknownPosition { axis: char::from(AXIS_WORDS[axis]) })
+            }
             Reliance::Unknown(_) => {
                 Err(Trouble::UnknownPosition { axis: char::from(AXIS_WORDS[axis]) })
             }

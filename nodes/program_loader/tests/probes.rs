@@ -1,0 +1,120 @@
+//! Programs that compute with what a probe has found: a stretch of them for each reading.
+
+mod common;
+
+use cnc_msgs::contour::{Action, ContourEventKind, Source};
+use common::profile;
+use program_loader::canonical::event_text;
+use program_loader::probe_results::{ProbeResult, with_results};
+use program_loader::{LoadOptions, Loaded, load};
+
+const BEGIN: &str = "G21 G90 F100\nG0 X0 Y0 Z5\nG38.2 Z-30\n";
+
+/// Touched at Z-12.5, and stopped a little lower.
+const TOUCH: ProbeResult =
+    ProbeResult { has_touched: true, contact: [0.0, 0.0, -12.5], stands: [0.0, 0.0, -12.52] };
+
+fn read(program: &str, results: &[ProbeResult]) -> Loaded {
+    let text = with_results(program.as_bytes(), results);
+    let text = if results.is_empty() { program.as_bytes() } else { &text };
+    load(text, &profile("rs274"), &LoadOptions::default())
+}
+
+fn events(loaded: &Loaded) -> Vec<String> {
+    loaded.contour.events.iter().map(event_text).collect()
+}
+
+/// What comes after the stretch that the results have made known.
+fn after(program: &str, results: &[ProbeResult]) -> Vec<String> {
+    let (short, long) = (read(program, &results[..results.len() - 1]), read(program, results));
+    assert!(long.is_accepted(), "{program}: {:#?}", long.findings);
+    let before = &short.contour;
+    assert!(short.awaits.is_some() && short.is_accepted(), "{program}: {:#?}", short.findings);
+    let last = before.events.last().expect("an event");
+    assert_eq!(last.kind, ContourEventKind::Action(Action::Stretch), "{program}");
+    // A run has done it: nothing in it may change.
+    let (known, rest) = long.contour.events.split_at(before.events.len());
+    assert_eq!(known, before.events, "{program}");
+    let row = |source: &Source| before.calls.after(*source);
+    for event in known {
+        assert_eq!(row(&event.source), long.contour.calls.after(event.source), "{program}");
+    }
+    rest.iter().map(event_text).collect()
+}
+
+#[test]
+fn a_program_is_planned_to_the_reading_and_on_from_the_result() {
+    for (program, wanted) in [
+        // Where the tool stands is known from there on.
+        ("G0 Z[#5063+2]\n", vec!["rapid X0 Y0 Z-12.52 named Z", "rapid X0 Y0 Z-10.5 named Z"]),
+        (
+            "#1=#5063\nG91 G0 Z1\nG90 G0 Z#1\n",
+            vec![
+                "rapid X0 Y0 Z-12.52 named Z",
+                "rapid X0 Y0 Z-11.52 named Z",
+                "rapid X0 Y0 Z-12.5 named Z",
+            ],
+        ),
+        // It has moved from there by so much.
+        (
+            "G91 G0 Z2\nG90\n#1=#<_z>\nG0 X#1\n",
+            vec!["rapid X0 Y0 Z-10.52 named Z", "rapid X-10.52 Y0 Z-10.52 named X"],
+        ),
+        // Or to a place, which needs nothing.
+        ("G0 Z10\nG0 X#5063\n", vec!["rapid X-12.5 Y0 Z10 named X"]),
+        ("G92 X1\nG20 G0 Z10\nG0 X[#5063*2]\n", vec!["rapid X-636 Y0 Z254 named X"]),
+        (
+            "o1 if [#5070 EQ 1]\nG0 Z9\no1 endif\n",
+            vec!["rapid X0 Y0 Z-12.52 named Z", "rapid X0 Y0 Z9 named Z"],
+        ),
+        (
+            "o1 while [#5063 GT 0]\nG0 Z9\no1 endwhile\nG0 Z8\n",
+            vec!["rapid X0 Y0 Z-12.52 named Z", "rapid X0 Y0 Z8 named Z"],
+        ),
+        (
+            "(DEBUG, found #5063)\nG0 Z9\n",
+            vec![
+                "rapid X0 Y0 Z-12.52 named Z",
+                "(MSG, found -12.500000)",
+                "rapid X0 Y0 Z9 named Z",
+            ],
+        ),
+    ] {
+        let rest = after(&format!("{BEGIN}{program}M2\n"), &[TOUCH]);
+        let moves: Vec<_> = rest.iter().filter(|text| *text != "M2").cloned().collect();
+        assert_eq!(moves, wanted, "{program}");
+    }
+}
+
+#[test]
+fn each_probe_of_a_loop_has_a_stretch_and_an_end_of_its_own() {
+    let program = "G21 G90 F100\nG0 X0 Y0 Z5\no<touch> sub\nG38.2 Z-30\n#<_low>=[#<_low> MIN #5063]\n\
+                   G0 Z5\no<touch> endsub\n#<_low>=0\no1 repeat [3]\no<touch> call\nG91 G0 X10\nG90\no1 endrepeat\n\
+                   G1 Z#<_low>\nM2\n"
+        .replace("[#<_low> MIN #5063]", "[#<_low>+#5063]");
+    let found = |z: f64| ProbeResult { contact: [0.0, 0.0, z], stands: [0.0, 0.0, z], ..TOUCH };
+    let results = [found(-1.0), found(-2.0), found(-4.0)];
+    for known in 1..=3 {
+        after(&program, &results[..known]);
+    }
+    let whole = read(&program, &results);
+    assert_eq!(whole.awaits, None);
+    let texts = events(&whole);
+    assert!(texts.iter().any(|text| text.starts_with("line X30 Y0 Z-7 ")), "{texts:#?}");
+    let awaits = read(&program, &results[..1]).awaits.expect("a line");
+    assert_eq!(awaits.line, 5);
+    let chain = read(&program, &results[..1]).contour.calls.after(awaits);
+    assert!(chain.contains("called from line 10, pass 2 of the loop in line 9"), "{chain}");
+}
+
+#[test]
+fn what_is_refused_with_a_result_names_its_line_and_what_is_refused_before_is_said_once() {
+    let loaded = read(&format!("{BEGIN}G0 Z[#5063/0]\nM2\n"), &[]);
+    assert!(loaded.is_accepted() && loaded.findings.len() == 1, "{:#?}", loaded.findings);
+    assert_eq!(loaded.findings[0].source.line, 4);
+    let loaded = read(&format!("{BEGIN}G0 Z[#5063/0]\nM2\n"), &[TOUCH]);
+    assert_eq!((loaded.findings.len(), loaded.findings[0].source.line), (1, 4));
+    // More results than probes are of another program, and change nothing.
+    let loaded = read(&format!("{BEGIN}G0 Z10\nM2\n"), &[TOUCH, TOUCH]);
+    assert_eq!(events(&loaded), events(&read(&format!("{BEGIN}G0 Z10\nM2\n"), &[])));
+}
