@@ -161,7 +161,11 @@ impl<'a> Walk<'a> {
                 self.corner = corner;
                 self.block_between(source);
             }
-            ContourEventKind::Calculation => self.block_between(source),
+            ContourEventKind::Calculation => {
+                if let WalkState::Active(active) = &mut self.state {
+                    active.between.calculation(source);
+                }
+            }
             ContourEventKind::RadiusValue { radius_mm } => self.radius_value(radius_mm, source),
             ContourEventKind::HoldDirection { .. } => {
                 self.report.findings.push(rules::no_held_direction(source));

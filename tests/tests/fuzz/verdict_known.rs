@@ -1,10 +1,11 @@
-//! Programs that `kerf plan` and the planner's node judged differently: the tool is 1e-6 mm
-//! larger than a fillet, and the conversion to a message moved a centre by less than 1e-9 mm.
+//! Programs that got two verdicts. `kerf plan` and the planner's node: the tool is 1e-6 mm larger than a
+//! fillet, and the conversion to a message moved a centre by less than 1e-9 mm. Planner and audit: a contour
+//! that misses its own start by 1e-3 mm was taken for one that retraces itself there.
 
 use crate::verdict::{Program, ProgramOutcome, verdict};
 
 /// The radius of the tool, mm, and the program; all of NCT.
-const PROGRAMS: [(f64, &str); 3] = [
+const PROGRAMS: [(f64, &str); 4] = [
     (
         4.000001,
         "N1 G0 X-7 Y0
@@ -50,6 +51,21 @@ const PROGRAMS: [(f64, &str); 3] = [
         G1 X-20 Y75
         G1 X-20 Y60
         G40 G1 X-17.525 Y62.475
+        M2",
+    ),
+    (
+        5.0,
+        "N1 G0 X15 Y60
+        N2 F100
+        G41 D1 G1 X30.001 Y60
+        X40 Y80
+        G2 X65 Y55 I0 J-25
+        G1 X95
+        X90 Y35
+        X65 Y15
+        X40 Y40
+        X30 Y60
+        G40 X15 Y60
         M2",
     ),
 ];

@@ -274,9 +274,10 @@ fn is_retraced(walls: &Walls<'_>, on: usize, into: usize, near: Nearest) -> bool
     let followed = walls.element(on);
     let at = nearest_on_element(followed, near.on_path);
     let is_at = |point: Vec2| (point - near.on_wall).norm() <= LOOP_MM;
-    // Where one continues the other, neither is retraced.
-    let is_joint =
-        into == on + 1 && is_at(followed.end()) || into + 1 == on && is_at(followed.start());
+    // Where one continues the other, neither is retraced; nor where the contour nearly closes.
+    let is_before = into + 1 == on || on < into && walls.are_ends_of_pass(on, into);
+    let is_after = into == on + 1 || into < on && walls.are_ends_of_pass(into, on);
+    let is_joint = is_before && is_at(followed.start()) || is_after && is_at(followed.end());
     // A tangent that leaves a circle stays near it for a while, and is no copy of it.
     let is_same = match (followed, walls.element(into)) {
         (Element::Line(_), Element::Line(_)) => true,

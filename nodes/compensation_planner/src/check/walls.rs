@@ -215,14 +215,20 @@ impl<'a> Walls<'a> {
 
     /// Whether the walls of a pass begin on one of two runs and close on the other.
     pub(crate) fn close_on(&self, one: usize, other: usize) -> bool {
-        let Some(pass) = self.layout.passes.get(self.pass(one)) else { return false };
-        let first = pass.begin.map_or(pass.runs.start, |begin| begin.run);
-        let last = pass.end.map_or(pass.runs.end.saturating_sub(1), |end| end.run);
+        let (first, last) = (one.min(other), one.max(other));
         let closes = || {
             let ends = self.of(first).zip(self.of(last));
             ends.is_some_and(|(first, last)| (first.start() - last.end()).norm() <= MERGE_MM)
         };
-        first != last && (one.min(other), one.max(other)) == (first, last) && closes()
+        self.are_ends_of_pass(first, last) && closes()
+    }
+
+    /// Whether the walls of a pass begin on the first of these runs and end on the last.
+    pub(crate) fn are_ends_of_pass(&self, first: usize, last: usize) -> bool {
+        let Some(pass) = self.layout.passes.get(self.pass(first)) else { return false };
+        first != last
+            && first == pass.begin.map_or(pass.runs.start, |begin| begin.run)
+            && last == pass.end.map_or(pass.runs.end.saturating_sub(1), |end| end.run)
     }
 
     /// The wall part of a run's element; `None` when all of it is a tail.

@@ -12,12 +12,13 @@ pub(crate) struct BlocksBetween {
     own: Source,
     last: Source,
     count: u32,
+    has_calculation: bool,
 }
 
 impl BlocksBetween {
     /// After a block with motion in the plane.
     pub(crate) fn after(source: Source) -> Self {
-        Self { own: source, last: source, count: 0 }
+        Self { own: source, last: source, count: 0, has_calculation: false }
     }
 
     /// Counts a block; each once, and not the block of the motion itself.
@@ -28,6 +29,12 @@ impl BlocksBetween {
         }
     }
 
+    /// Counts a calculation.
+    pub(crate) fn calculation(&mut self, source: Source) {
+        self.has_calculation = true;
+        self.block(source);
+    }
+
     /// The finding when there were too many before the motion of this block.
     pub(crate) fn excess(&self, next: Source, profile: &Profile) -> Option<Finding> {
         let max = profile.off_plane.max_blocks?;
@@ -36,6 +43,12 @@ impl BlocksBetween {
         if count <= max {
             return None;
         }
+        let help = match self.has_calculation {
+            false => {
+                "put auxiliary functions into blocks that move in the plane, or cancel the compensation before"
+            }
+            true => "calculate before the selection, or cancel the compensation before",
+        };
         let mut finding = of(
             profile.off_plane.strictness,
             Code::OffPlaneBlocks,
@@ -47,7 +60,7 @@ impl BlocksBetween {
                 profile.name
             ),
         )
-        .help("put auxiliary functions into blocks that move in the plane, calculate before the selection, or cancel the compensation before");
+        .help(help);
         finding.alarm.clone_from(&profile.off_plane.alarm);
         finding.other = Some(self.own);
         Some(finding)
