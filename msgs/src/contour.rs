@@ -209,8 +209,9 @@ pub enum Action {
     /// Nobody knows where these axes are: the motion of the block moves them from there, by its end
     /// less its start.
     Relative { axes: AxisSet },
-    /// A new stretch begins: what follows is planned from the results of the probes before.
-    Stretch,
+    /// A new stretch begins: what follows is planned from the results of the probes before. The places of
+    /// these axes are known from here on, and a rapid that moves nothing says them.
+    Stretch { axes: AxisSet },
     /// The block moves A, B, C, U, V or W, with its motion or alone.
     Further(FurtherMove),
     /// These axes are homed; the machine decides where they are afterwards.
@@ -280,7 +281,7 @@ impl Action {
             Self::Further(_) => "axes",
             Self::Probe(_) => "probe",
             Self::Relative { .. } => "relative",
-            Self::Stretch => "stretch",
+            Self::Stretch { .. } => "stretch",
             Self::ToolLength { .. }
             | Self::WorkOffset { .. }
             | Self::Auxiliary { .. }
@@ -330,7 +331,7 @@ impl Action {
             Self::Further(further) => further.text(),
             Self::Probe(probe) => probe.word().into(),
             Self::Relative { axes } => format!("G91 {}", axes.letters()),
-            Self::Stretch => "(results of probes)".into(),
+            Self::Stretch { .. } => "(results of probes)".into(),
             Self::Home { axes } => format!("Home {}", axes.letters()),
             Self::ExactStop => "G9".into(),
             Self::Message { text } => format!("(MSG, {text})"),

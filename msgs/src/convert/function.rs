@@ -101,7 +101,10 @@ impl From<&Action> for wire::MachineFunction {
                 out.axes = axes.bits();
                 Self::RELATIVE
             }
-            Action::Stretch => Self::STRETCH,
+            Action::Stretch { axes } => {
+                out.axes = axes.bits();
+                Self::STRETCH
+            }
             Action::ExactStop => Self::EXACT_STOP,
             Action::Message { text } => {
                 out.text = text.to_string();
@@ -225,7 +228,7 @@ impl TryFrom<&wire::MachineFunction> for Action {
                 }
             },
             W::RELATIVE => Self::Relative { axes },
-            W::STRETCH => Self::Stretch,
+            W::STRETCH => Self::Stretch { axes },
             W::EXACT_STOP => Self::ExactStop,
             W::MESSAGE => match Text::new(&function.text) {
                 Some(text) => Self::Message { text },

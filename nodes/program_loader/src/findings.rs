@@ -9,6 +9,15 @@ use cnc_msgs::finding::{Code, Finding, Severity};
 use intake::text::one_line;
 use std::borrow::Cow;
 
+/// How many findings there were at some moment.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Mark {
+    listed: usize,
+    in_block: u32,
+    dropped: u32,
+    dropped_an_error: bool,
+}
+
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
     list: Vec<Finding>,
@@ -54,6 +63,21 @@ impl Findings {
     /// How many findings are listed.
     pub(crate) fn count(&self) -> usize {
         self.list.len()
+    }
+
+    /// What there is now, for [`Self::back_to`].
+    #[inline]
+    pub(crate) fn mark(&self) -> Mark {
+        let &Self { in_block, dropped, dropped_an_error, .. } = self;
+        Mark { listed: self.list.len(), in_block, dropped, dropped_an_error }
+    }
+
+    /// Forgets all that has come since.
+    pub(crate) fn back_to(&mut self, mark: Mark) {
+        let Mark { listed, in_block, dropped, dropped_an_error } = mark;
+        self.list.truncate(listed);
+        (self.in_block, self.dropped, self.dropped_an_error) =
+            (in_block, dropped, dropped_an_error);
     }
 
     /// Whether any of the listed findings is an error.

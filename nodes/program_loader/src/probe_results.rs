@@ -5,15 +5,12 @@
 //! text with one hash, as with subroutines and parameter files: it is recorded whole and replayed without
 //! the machine.
 
+use crate::without_filler;
 use cnc_msgs::geometry::Position;
 use std::fmt::Write;
 
 /// The line before the results begins so, and goes on with their number.
 const BEGIN: &str = "(results of probes, appended by Kerf: ";
-/// The most results of one program.
-pub const RESULTS_MAX: usize = 100_000;
-/// Bytes of a row at most.
-const ROW_BYTES_MAX: usize = 200;
 
 /// What one probe has found, in the work frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,8 +25,12 @@ pub struct ProbeResult {
 
 /// The text with these results, in the order of the run, in place of those that it has.
 pub fn with_results(text: &[u8], results: &[ProbeResult]) -> Vec<u8> {
-    let (text, _) = split(text);
-    let mut all = text.to_vec();
+    let (program, _) = split(text);
+    if results.is_empty() {
+        return program.to_vec();
+    }
+    // What fills the last block of a sender would no longer be at the end.
+    let mut all = without_filler(program).to_vec();
     if all.last().is_some_and(|&last| last != b'\n') {
         all.push(b'\n');
     }
@@ -55,14 +56,13 @@ pub(crate) fn split(text: &[u8]) -> (&[u8], Vec<ProbeResult>) {
 }
 
 fn section(text: &[u8]) -> Option<(&[u8], Vec<ProbeResult>)> {
-    let from = text.len().saturating_sub((RESULTS_MAX + 1) * ROW_BYTES_MAX);
     // Most programs have none, and end with something else.
     let last = text.strip_suffix(b"\n")?;
     let last = &last[memchr::memrchr(b'\n', last).map_or(0, |at| at + 1)..];
     if !(last.starts_with(b"(touched ") || last.starts_with(b"(missed ")) {
         return None;
     }
-    let at = from + memchr::memmem::rfind(&text[from..], BEGIN.as_bytes())?;
+    let at = memchr::memmem::rfind(text, BEGIN.as_bytes())?;
     if at > 0 && text[at - 1] != b'\n' {
         return None;
     }
@@ -101,12 +101,16 @@ mod tests {
     #[test]
     fn results_are_read_as_they_were_written_and_replaced_as_a_whole() {
         let results = [found(true, -3.0), found(false, 0.1 + 0.2)];
-        for program in ["G38.2 Z-5\nM2\n", "G38.2 Z-5\nM2", ""] {
+        for program in
+            ["G38.2 Z-5\nM2\n", "G38.2 Z-5\nM2", "G38.2 Z-5\n\x1A", "G38.2 Z-5\n\0\0", ""]
+        {
             let text = with_results(program.as_bytes(), &results[..1]);
             let text = with_results(&text, &results);
             let (before, read) = split(&text);
-            assert_eq!(before.trim_ascii_end(), program.as_bytes().trim_ascii_end());
+            let filled = without_filler(program.as_bytes());
+            assert_eq!(before.trim_ascii_end(), filled.trim_ascii_end());
             assert_eq!(read, results);
+            assert_eq!(with_results(&text, &[]), before);
         }
     }
 

@@ -10,7 +10,7 @@ mod remarks;
 use crate::LoadOptions;
 use crate::block::Block;
 use crate::dialect::{Dialect, GWord, OffsetWord};
-use crate::findings::Findings;
+use crate::findings::{Findings, Mark};
 use crate::flow::{Cursor, Flow, FlowMap, Next, World};
 use crate::interpreter::{After, Interpreter, code_in_tenths};
 use crate::lexer;
@@ -227,6 +227,7 @@ impl<'r> Reader<'r> {
                 if !self.stretch(line, before) {
                     return After::Probe;
                 }
+                self.findings.back_to(before.0);
                 self.remark(line, remark);
             }
         }
@@ -243,18 +244,18 @@ impl<'r> Reader<'r> {
 
     /// How many findings and events there are.
     #[inline]
-    fn place(&self) -> (usize, usize) {
-        (self.findings.count(), self.interpreter.event_count())
+    fn place(&self) -> (Mark, usize) {
+        (self.findings.mark(), self.interpreter.event_count())
     }
 
     /// Begins a stretch at a line that needs the result of a probe, in place of what the line has come to
     /// since; returns whether the result is there.
     #[cold]
-    fn stretch(&mut self, line: Line<'_>, (findings, events): (usize, usize)) -> bool {
+    fn stretch(&mut self, line: Line<'_>, (findings, events): (Mark, usize)) -> bool {
         let source = line.source(None, 0, line.text.trim_ascii_end().len());
         let is_known = self.interpreter.begin_stretch(source, events);
         if !is_known {
-            self.findings.revise(findings, |_| false);
+            self.findings.back_to(findings);
             self.awaits = Some(source);
         }
         is_known

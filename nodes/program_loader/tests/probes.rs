@@ -16,8 +16,7 @@ const TOUCH: ProbeResult =
 
 fn read(program: &str, results: &[ProbeResult]) -> Loaded {
     let text = with_results(program.as_bytes(), results);
-    let text = if results.is_empty() { program.as_bytes() } else { &text };
-    load(text, &profile("rs274"), &LoadOptions::default())
+    load(&text, &profile("rs274"), &LoadOptions::default())
 }
 
 fn events(loaded: &Loaded) -> Vec<String> {
@@ -31,7 +30,7 @@ fn after(program: &str, results: &[ProbeResult]) -> Vec<String> {
     let before = &short.contour;
     assert!(short.awaits.is_some() && short.is_accepted(), "{program}: {:#?}", short.findings);
     let last = before.events.last().expect("an event");
-    assert_eq!(last.kind, ContourEventKind::Action(Action::Stretch), "{program}");
+    assert!(matches!(last.kind, ContourEventKind::Action(Action::Stretch { .. })), "{program}");
     // A run has done it: nothing in it may change.
     let (known, rest) = long.contour.events.split_at(before.events.len());
     assert_eq!(known, before.events, "{program}");
@@ -114,6 +113,18 @@ fn what_is_refused_with_a_result_names_its_line_and_what_is_refused_before_is_sa
     assert_eq!(loaded.findings[0].source.line, 4);
     let loaded = read(&format!("{BEGIN}G0 Z[#5063/0]\nM2\n"), &[TOUCH]);
     assert_eq!((loaded.findings.len(), loaded.findings[0].source.line), (1, 4));
+    // All ten of them in one block.
+    let sets: Vec<String> =
+        (5061..=5070).map(|number| format!("#{}=#{number}", number - 5060)).collect();
+    let ten = format!("{BEGIN}{}\nM2\n", sets.join(" "));
+    assert!(read(&ten, &[]).is_accepted(), "{:#?}", read(&ten, &[]).findings);
+    let loaded = read(&ten, &[TOUCH]);
+    assert!(
+        loaded.findings[0].message.contains("#5064 is the position of A"),
+        "{:#?}",
+        loaded.findings
+    );
+    assert!(read(&ten.replace("G38.2", "G0 A5 B0 C0 U0 V0 W0\nG38.2"), &[TOUCH]).is_accepted());
     // More results than probes are of another program, and change nothing.
     let loaded = read(&format!("{BEGIN}G0 Z10\nM2\n"), &[TOUCH, TOUCH]);
     assert_eq!(events(&loaded), events(&read(&format!("{BEGIN}G0 Z10\nM2\n"), &[])));

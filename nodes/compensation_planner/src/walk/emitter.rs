@@ -79,7 +79,7 @@ impl Emitter {
             | Action::WorkOffset { .. }
             | Action::SetWorkOffset { .. }
             | Action::ToolLength { .. }
-            | Action::Stretch
+            | Action::Stretch { .. }
             | Action::ChangeTool { .. } => self.sent = AxisSet::NONE,
             _ => {}
         }

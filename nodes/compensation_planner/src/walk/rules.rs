@@ -211,7 +211,7 @@ impl Rules<'_> {
             | Action::MachineMove { .. }
             | Action::Probe(_)
             | Action::Relative { .. }
-            | Action::Stretch
+            | Action::Stretch { .. }
             | Action::ChangeTool { .. } => self.permit(
                 always,
                 source,
@@ -274,7 +274,7 @@ fn name(action: &Action) -> String {
         Action::SetWorkOffset { .. } => "a change of a work offset".into(),
         Action::Probe(_) => "a probe".into(),
         Action::Relative { .. } => "a move from where a probe has ended".into(),
-        Action::Stretch => "the result of a probe".into(),
+        Action::Stretch { .. } => "the result of a probe".into(),
         _ => action.text(),
     }
 }

@@ -184,7 +184,7 @@ impl Interpreter<'_> {
 
     /// Millimetres of one unit of an axis word; a diameter counts half.
     #[inline]
-    pub(super) fn scale_of(&self, axis: usize) -> f64 {
+    fn scale_of(&self, axis: usize) -> f64 {
         let is_diameter = axis == 0 && self.modal.x_is_diameter;
         if is_diameter { self.scale() / 2.0 } else { self.scale() }
     }

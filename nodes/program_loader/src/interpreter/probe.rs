@@ -8,6 +8,7 @@
 //! are there, so that a run goes on where it stands.
 
 use super::axes::{Cause, Reliance};
+use super::further::FURTHER_WORDS;
 use super::{Interpreter, Scene};
 use crate::dialect::FeedMode;
 use crate::expression::Trouble;
@@ -27,8 +28,8 @@ pub(super) struct Probes {
     results: Vec<ProbeResult>,
     /// Probes so far.
     count: usize,
-    /// `#5061` to `#5070` after the last probe, if its result is there.
-    values: Option<[f64; 10]>,
+    /// `#5061` to `#5070` after the last probe, if its result is there; nothing for an axis that is not known.
+    values: Option<[Option<f64>; 10]>,
     /// How far the axes of the probes have stopped from the ends of their ways, mm.
     off: Position,
     /// No stretch has begun since the last probe.
@@ -89,14 +90,14 @@ impl Interpreter<'_> {
     }
 
     /// A result as the program reads it.
-    fn values_of(&self, result: &ProbeResult) -> [f64; 10] {
+    fn values_of(&self, result: &ProbeResult) -> [Option<f64>; 10] {
         std::array::from_fn(|index| match index {
-            0..3 => (result.contact[index] - self.modal.shift[index]) / self.scale_of(index),
-            9 => f64::from(u8::from(result.has_touched)),
+            0..3 => Some((result.contact[index] - self.modal.shift[index]) / self.scale()),
+            9 => Some(f64::from(u8::from(result.has_touched))),
             _ => {
                 let axis = index - 3;
                 let scale = if FurtherAxes::is_rotary(axis) { 1.0 } else { self.scale() };
-                self.further.programmed(axis).map_or(0.0, |place| place / scale)
+                self.further.programmed(axis).map(|place| place / scale)
             }
         })
     }
@@ -115,7 +116,10 @@ impl Interpreter<'_> {
             }
             is_asked.set(true);
         }
-        Some(values.map(|values| values[(number - 5061) as usize]).ok_or(Trouble::Probed))
+        let index = (number - 5061) as usize;
+        let Some(values) = values else { return Some(Err(Trouble::Probed)) };
+        let unknown = || Trouble::UnknownPosition { axis: char::from(FURTHER_WORDS[index - 3]) };
+        Some(values[index].ok_or_else(unknown))
     }
 
     /// Where an axis stands after a probe, in the work frame, mm.
@@ -138,11 +142,11 @@ impl Interpreter<'_> {
         self.source = source;
         self.probes.is_open = false;
         self.probes.is_asked.set(false);
-        self.act(Action::Stretch);
+        let drifting = self.axes.drifting(AxisSet::ALL);
+        self.act(Action::Stretch { axes: drifting });
         if self.probes.values.is_none() {
             return false;
         }
-        let drifting = self.axes.drifting(AxisSet::ALL);
         if !drifting.is_empty() {
             let place = std::array::from_fn(|axis| {
                 received_mm(self.axes.position[axis] + self.probes.off[axis])
