@@ -10,6 +10,8 @@ DIFFERENCES = [
      "without G98 and G99, cycles return to where they began; in LinuxCNC to R"),
     (r"external_offsets/", "Kerf takes", r"Unknown m code used: M111",
      "M100 to M199 are passed on; LinuxCNC looks for a file of that name"),
+    (r"ncfiles/tool-length-probe", "Kerf takes", r"too close to probe point",
+     "a program that reads the result of a probe is planned to there; alone, LinuxCNC probes at the end of the way"),
     (r"^tool lengths", "Kerf refuses", r"length along X or Y|two lengths of the tool table",
      "boards take one length along Z, and the loader has no tool table to add two of its lengths"),
     (r"ncfiles/(offsets|roparams)", "differ", r"######",

@@ -147,6 +147,9 @@ class Reader:
             self.is_probe = True
         elif kind == "relative":
             self.relative = set(text.removeprefix("G91 "))
+        elif kind == "stretch":
+            # What follows is planned from the result of a probe.
+            pass
         elif kind == "message":
             self.message(event, text.removeprefix("(MSG, ").removesuffix(")"))
         elif match := re.fullmatch(r"S([-\d.e]+)", text):
