@@ -14,6 +14,7 @@ mod feeds;
 mod further;
 mod home;
 mod machine_words;
+mod modal;
 mod moves;
 mod offsets;
 mod polar;
@@ -30,27 +31,22 @@ mod tool_lengths;
 
 use crate::block::Block;
 use crate::bounds::Bounds;
-use crate::dialect::{Distance, FeedMode, GWord, Group, Letters, Mode, Units};
+use crate::dialect::{FeedMode, GWord, Group, Letters, Units};
 use crate::findings::Findings;
 use crate::limits::{MM_PER_INCH, NUMBER_MAX};
 use crate::line::Line;
 use crate::rules::Rules;
 use axes::Axes;
 use cnc_msgs::calls::Calls;
-use cnc_msgs::contour::{
-    Action, ContourEvent, ContourEventKind, ProgrammedContour, Source, SpindleMode,
-};
+use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, ProgrammedContour, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AxisSet, Plane, Position};
 use cnc_msgs::text::Text;
 use cnc_msgs::units::received_mm;
-use compensation::Compensation;
 pub(crate) use cycles::Cycle;
-use cycles::CycleWords;
 use further::Further;
-use machine_words::Overrides;
+use modal::Modal;
 pub(crate) use offsets::OffsetWord;
-use polar::Polar;
 use probe::Probes;
 use request::Request;
 pub(crate) use request::code_in_tenths;
@@ -61,7 +57,7 @@ use splines::OpenCurve;
 pub(crate) use splines::Spline;
 use std::cell::Cell;
 use std::collections::BTreeMap;
-use tool_lengths::{Length, ToolEntries};
+use tool_lengths::ToolEntries;
 
 /// What follows a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,47 +74,6 @@ pub(crate) enum After {
     EndOfProgram,
     /// Nothing: the block needs the result of a probe that is still to come.
     Probe,
-}
-
-/// What stays in force from one block to the next.
-#[derive(Debug)]
-struct Modal {
-    mode: Option<Mode>,
-    /// The motion word was rejected, or is reported as missing: bare axis words add nothing.
-    mode_is_poisoned: bool,
-    plane: Plane,
-    distance: Distance,
-    centers: Distance,
-    units: Units,
-    /// 0 before the first F.
-    feed_mm_per_min: f64,
-    feed_mode: FeedMode,
-    /// F as it is written.
-    programmed_feed: f64,
-    /// The feed of the last motion at feed.
-    emitted_feed_mm_per_min: f64,
-    feed_is_poisoned: bool,
-    /// The number of the last T.
-    selected_tool: Option<u32>,
-    /// The tool of the last M6.
-    spindle_tool: Option<u32>,
-    /// M61 has said which tool that is.
-    is_tool_named: bool,
-    overrides: Overrides,
-    /// G43.
-    length: Option<Length>,
-    work_offset: u8,
-    /// The zero of the program in the work system, mm (G52, G92), and what G92.3 restores.
-    shift: Position,
-    kept_shift: Position,
-    x_is_diameter: bool,
-    rpm: f64,
-    spindle: SpindleMode,
-    mist: bool,
-    flood: bool,
-    cycle: CycleWords,
-    polar: Polar,
-    compensation: Compensation,
 }
 
 /// Turns blocks into events, one after another.
@@ -174,35 +129,7 @@ impl<'r> Interpreter<'r> {
         }
         Self {
             rules,
-            modal: Modal {
-                mode: None,
-                mode_is_poisoned: false,
-                plane: rules.dialect.plane,
-                distance: Distance::Absolute,
-                centers: Distance::Incremental,
-                units: Units::Millimetre,
-                feed_mm_per_min: 0.0,
-                feed_mode: FeedMode::PerMinute,
-                programmed_feed: 0.0,
-                emitted_feed_mm_per_min: 0.0,
-                feed_is_poisoned: false,
-                selected_tool: None,
-                spindle_tool: None,
-                is_tool_named: false,
-                overrides: Overrides::default(),
-                length: None,
-                work_offset: 1,
-                shift: [0.0; 3],
-                kept_shift: [0.0; 3],
-                x_is_diameter: rules.x_is_diameter,
-                rpm: 0.0,
-                spindle: SpindleMode::Off,
-                mist: false,
-                flood: false,
-                cycle: CycleWords::default(),
-                polar: Polar::default(),
-                compensation: Compensation::default(),
-            },
+            modal: Modal::new(rules),
             axes: Axes::new(start),
             further: Further::default(),
             request: Request::default(),
