@@ -10,6 +10,7 @@ mod finding;
 mod function;
 mod machine;
 mod path;
+mod probing;
 mod tool_table;
 
 pub use calls::chain_to_wire;

@@ -48,7 +48,8 @@ TRIGGERS = ('feed_hold', 'door_hold', 'resume', 'soft_reset', 'unlock', 'sleep',
             'confirm_tool_change')
 SERVICES = {
     'program_loader': {
-        'load_program': 'LoadProgram', 'put_program_chunk': 'PutProgramChunk',
+        'load_program': 'LoadProgram', 'continue_program': 'ContinueProgram',
+        'put_program_chunk': 'PutProgramChunk',
         'program/get_chunks': 'GetProgramChunks',
         'programmed_contour/get_chunks': 'GetContourChunks', 'read_block': 'ReadBlock'},
     'compensation_planner': {

@@ -4,8 +4,8 @@
 //! thread, no clock. An hour of machine time takes as long as its events do.
 
 use axis_driver::driver::{
-    Command, Driver, DriverConfig, Input, MoveResult, OffsetRequest, Output, Refusal, RunRequest,
-    RunResult,
+    Command, Driver, DriverConfig, Input, MoveResult, OffsetRequest, Output, ProbesOfRun, Refusal,
+    RunRequest, RunResult,
 };
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::further::FurtherAxes;
@@ -46,6 +46,8 @@ pub struct Line {
     pub states: Vec<(Duration, MachineState)>,
     pub moved: Option<MoveResult>,
     pub settings: Option<axis_driver::driver::ControllerSettings>,
+    /// What probes have found, where a run waited for its plan.
+    pub probes: Vec<ProbesOfRun>,
     /// What the driver wrote, with the time it wrote it.
     pub written: Vec<(Duration, Vec<u8>)>,
     pub log: Vec<String>,
@@ -75,6 +77,7 @@ impl Line {
             states: Vec::new(),
             moved: None,
             settings: None,
+            probes: Vec::new(),
             written: Vec::new(),
             log: Vec::new(),
             time_left: None,
@@ -123,6 +126,7 @@ impl Line {
                     self.finished_in = self.states.last().map(|(_, state)| state.mode);
                 }
                 Output::MoveFinished(result) => self.moved = Some(result),
+                Output::Probes(found) => self.probes.push(found),
                 Output::Settings(settings) => self.settings = Some(settings),
                 Output::Log { message, .. } => self.log.push(message),
                 Output::State(state) => {

@@ -46,7 +46,9 @@ pub use context::overrides::Overrides;
 pub use context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
 pub use context::ros_loss::{OnRosLoss, ROS_LOST};
 pub use manual::lines::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
-pub use output::{ControllerSettings, LogLevel, MoveResult, Offset, Output, RunOutcome, RunResult};
+pub use output::{
+    ControllerSettings, LogLevel, MoveResult, Offset, Output, ProbesOfRun, RunOutcome, RunResult,
+};
 pub use run::replan::ReplanRequest;
 pub use run::request::{MDI, RunRequest};
 

@@ -78,6 +78,10 @@ pub enum EncoderStep {
         line: EncodedLine,
         probe: Probe,
     },
+    /// Motion ends, and what follows is planned from the results of the probes before.
+    Stretch {
+        source: Source,
+    },
     /// Motion ends, these axes are homed by this line, and the program goes on.
     Home {
         text: String,
@@ -183,11 +187,12 @@ impl Encoder {
         self.next_event
     }
 
-    /// The same place in another path; `None` when that path is not the same so far.
+    /// The same place in another path; `None` when that path is not the same so far. It may rely on where
+    /// more axes stand, which the caller has to look at.
     pub fn going_on_with(&self, path: sync::Arc<CompensatedPath>) -> Option<Self> {
         let (elements, events) = (self.next_element, self.next_event);
         let is_same = path.start == self.path.start
-            && path.assumed_axes == self.path.assumed_axes
+            && self.path.assumed_axes.without(path.assumed_axes).is_empty()
             && path.elements.get(..elements)? == &self.path.elements[..elements]
             && path.events.get(..events)? == &self.path.events[..events];
         is_same.then(|| Self { idle_axes: further::idle_axes(&path), path, ..self.clone() })

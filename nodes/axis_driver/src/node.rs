@@ -17,6 +17,7 @@ mod path;
 mod run_start;
 mod services;
 mod source;
+mod stretches;
 mod traffic;
 mod tuning;
 mod viewers;
@@ -28,7 +29,8 @@ pub(crate) use parameters::{declared, keep_out, serial_config};
 pub use viewers::settings_to_wire;
 
 use crate::driver::{
-    COMMANDER_LOST, ControllerSettings, LogLevel, Output, PATH_DEVIATION, ROS_LOST, Refusal,
+    COMMANDER_LOST, ControllerSettings, LogLevel, Output, PATH_DEVIATION, ProbesOfRun, ROS_LOST,
+    Refusal,
 };
 use crate::journal::{Order, ReplanOrder};
 use crate::motion::{self, FACE_VARIABLE};
@@ -120,6 +122,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         keep_out: keep_out(|name| node.parameter::<ParameterValue>(name))
             .map_err(|error| format!("keep_out: {error}"))?,
         run_results: node.publisher("run_result", Qos::LATCHED)?,
+        probes: watch::Sender::default(),
     });
     let viewers = Viewers::new(&node)?;
     for event in events {
@@ -178,6 +181,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         handle.spawn("replan of a run", async move { driver.replan(&paths, of, planned).await });
     })?;
     services::offer_tool_change(&node, &driver, &paths)?;
+    stretches::follow(&node, &driver, &paths)?;
     tuning::follow(&node, &driver, is_tuned);
     follow::follow(&node, &driver)?;
     actions::offer(&node, &driver, paths)?;
@@ -246,6 +250,8 @@ struct RemoteDriver {
     keep_out: KeepOut,
     /// How the last run ended.
     run_results: Publisher<RunResultMessage>,
+    /// What the probes of a run that waits for its plan have found.
+    probes: watch::Sender<Option<ProbesOfRun>>,
 }
 
 impl RemoteDriver {
@@ -309,6 +315,7 @@ impl RemoteDriver {
             }
             Output::Reply { id, result } => self.waiting().replies.end(id, result),
             Output::RunFinished(result) => self.waiting().runs.end(result.id, result),
+            Output::Probes(found) => drop(self.probes.send_replace(Some(found))),
             Output::MoveFinished(result) => self.waiting().moves.end(result.id, result),
             Output::Settings(settings) => {
                 let ControllerSettings { firmware, version, .. } = &settings;

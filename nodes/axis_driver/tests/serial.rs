@@ -178,6 +178,7 @@ impl Shell {
                     Output::ReadyToClose => self.is_ready_to_close = true,
                     Output::Progress { .. }
                     | Output::MoveFinished(_)
+                    | Output::Probes(_)
                     | Output::Settings(_)
                     | Output::Log { .. }
                     | Output::Transmit(_) => {}

@@ -355,14 +355,20 @@ impl Planner {
 
     /// Plans the current contour and publishes the result, but for its certificates.
     fn plan(&self) -> Option<Uncertified> {
-        let (input, tools, tools_revision, revision) = {
+        let (input, tools, tools_revision, revision, continued) = {
             let mut state = self.state();
             // A contour that arrives meanwhile is planned when the node is active.
             let is_wanted = state.is_due && self.node.require_active().is_ok();
             let input = state.input.clone().filter(|_| is_wanted)?;
             state.is_due = false;
             state.revision += 1;
-            (input, state.tools.clone(), state.tools_revision, state.revision)
+            // A program keeps the tools that it began with.
+            let continued = state.live.continued_by(&input).cloned();
+            let (tools, tools_revision) = match &continued {
+                Some(running) => (running.tools.clone(), running.tools_revision),
+                None => (state.tools.clone(), state.tools_revision),
+            };
+            (input, tools, tools_revision, state.revision, continued)
         };
         let threads = Threads::all();
         let planning = Planning { certifies: false, workers: &threads };
@@ -398,12 +404,16 @@ impl Planner {
             let plan = RunningPlan {
                 revision,
                 program_id: current.program_id.clone(),
+                run_of: continued.as_ref().map_or(&current.program_id, |it| &it.run_of).clone(),
+                tools_revision,
                 input: input.clone(),
                 tools: tools.clone(),
                 path: Arc::new(planned.path),
             };
-            self.publish_path(&plan, (tools_revision, 0, 0), stamp, &mut current);
-            self.state().live.newest = Some(plan);
+            let (continues, settled) =
+                continued.map_or((0, 0), |it| (it.revision, it.path.elements.len() as u64));
+            self.state().live.newest = Some(plan.clone());
+            self.publish_path(&plan, (tools_revision, continues, settled), stamp, &mut current);
         } else {
             self.state().current = Some(current);
         }

@@ -6,7 +6,7 @@
 mod machine;
 mod support;
 
-use machine::Machine;
+use machine::{Machine, SLOW_POLLING, Turn, domain};
 use rustix::process::{Pid, Signal, kill_process};
 use std::process::Stdio;
 use support::Folder;
@@ -122,6 +122,48 @@ fn jogs_zeros_overrides_and_probes_are_typed() {
     machine.kerf(&["reset"]).expect(0);
     machine.kerf(&["unlock"]).expect(0);
     machine.kerf(&["jog", "X0", "--from", "work"]).expect(0);
+}
+
+#[test]
+fn a_program_that_computes_with_its_probe_runs_in_stretches_and_probes_anew_each_time() {
+    let folder = Folder::new();
+    let scenario = folder.file("probe.yaml", "probe_z_mm: -62\n").display().to_string();
+    let args = ["--virtual-controller", "--time-factor", "10", "--scenario", &scenario];
+    let machine = Machine::start(&domain(), "mill", &args, &SLOW_POLLING, Some(Turn::wait()));
+    machine.until_state("IDLE");
+    let program = "G21 G90 G94 F600\no1 repeat [2]\nG38.2 Z-30\nG0 Z[#5063+5]\no1 endrepeat\nG1 Z[#5063/2]\nM2\n";
+    machine.folder.file("touch.ngc", program);
+    machine
+        .kerf(&["load", "touch.ngc"])
+        .expect(0)
+        .says(&["planned and judged while the run waits here"]);
+    let surface = |status: &str| status.contains(" Z-6.000 mm");
+    for runs in 1..=2 {
+        machine.kerf(&["run"]).expect(0).says(&["done"]);
+        let status = machine.kerf(&["status"]).expect(0).out;
+        assert!(surface(&status), "{status}");
+        let log = machine.log();
+        assert_eq!(log.matches("goes on with revision").count(), 2 * runs, "{log}");
+        let bag = machine.until_bags(runs).remove(runs - 1);
+        let bag = bag.to_str().expect("UTF-8").to_owned();
+        machine.kerf(&["replay", &bag]).expect(0).says(&["reproduced"]);
+    }
+    // What is wrong with what was found ends the run where it stands.
+    machine.folder.file("touch.ngc", program.replace("[#5063/2]", "[#5063/[#5063+12]]"));
+    machine.kerf(&["load", "touch.ngc"]).expect(0);
+    machine.kerf(&["run"]).expect(4).says(&[
+        "line 6: what follows was not planned from the result of the probe",
+        "a division by zero",
+    ]);
+    // So does a program that is loaded meanwhile.
+    machine.folder.file("other.ngc", "G21 G90\nG0 X1\nM2\n");
+    machine.folder.file("slow.ngc", program.replace("F600", "F60"));
+    machine.kerf(&["load", "slow.ngc"]).expect(0);
+    let running = machine.kerf_meanwhile(&["run"]);
+    machine.until_state("PROBE: G38.2 in line 3");
+    machine.kerf(&["load", "other.ngc"]).expect(0);
+    let ran = running.join().expect("it only runs a command");
+    ran.expect(4).says(&["another program was loaded since the run began"]);
 }
 
 #[test]

@@ -222,10 +222,9 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     let Read { interpreter, parameters, mut findings, calls, awaits } = reader.read();
     if let Some(source) = awaits {
         findings.begin_block();
-        let message = "what follows needs the result of a probe, which is known only while the machine runs: \
-                       the plan ends here";
-        let help = "set the zero where the probe has touched with G10 L20, and write places as numbers \
-                    from there";
+        let message = "what follows needs the result of a probe: it is planned and judged while the run waits here";
+        let help = "to have all of it judged before the run, set the zero where the probe has touched with \
+                    G10 L20, and write places as numbers from there";
         findings.push(Finding::warning(Code::Unsupported, source, message).help(help));
     }
     findings.explain(&calls);

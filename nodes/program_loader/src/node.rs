@@ -9,6 +9,7 @@ mod health;
 mod lifecycle;
 mod parameter_file;
 mod parameters;
+mod stretches;
 
 use crate::limits::PROGRAM_BYTES_MAX;
 use crate::subroutines::with_subroutines;
@@ -39,6 +40,7 @@ use settings::ProfileError;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
+use stretches::Probing;
 
 /// Runs the node until it is shut down.
 pub fn main(args: Vec<String>) -> ExitCode {
@@ -82,7 +84,7 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
             })
         }
     })?;
-    let (shared, log) = (Arc::clone(&loader), commands);
+    let (shared, log) = (Arc::clone(&loader), commands.clone());
     node.service::<PutProgramChunk, _, _>(
         "put_program_chunk",
         move |request, info: RequestInfo| {
@@ -104,7 +106,7 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
     node.service::<GetContourChunks, _, _>("programmed_contour/get_chunks", move |request, _| {
         std::future::ready(shared.contour_chunks(&request))
     })?;
-    parameter_file::follow(&node, &loader)?;
+    stretches::offer(&node, &loader, &commands)?;
     Ok(loader)
 }
 
@@ -140,9 +142,18 @@ struct LoaderState {
 /// The loaded program.
 struct Current {
     program_id: String,
+    /// What it is read from again, where it computes with the results of probes.
+    probing: Option<Probing>,
     manifest: Program,
     program: Cut<ProgramChunk>,
     contour: Cut<ContourChunk>,
+}
+
+impl Current {
+    /// Whether it is this program, with results of probes or without.
+    fn is_of(&self, program_id: &str) -> bool {
+        program_id == self.program_id || self.probing.as_ref().is_some_and(|it| it.id == program_id)
+    }
 }
 
 /// A rejection with its code.
@@ -229,6 +240,13 @@ impl Loader {
         };
         let mut loaded = load(&text, &profile, &self.options);
         loaded.allow_tools(&request.expected_tools);
+        let probing = loaded.awaits.map(|_| Probing {
+            id: id_of(&profile, &text),
+            name: name.clone(),
+            text: Arc::new(text.clone()),
+            profile: Arc::new(profile.clone()),
+            expected_tools: request.expected_tools.clone(),
+        });
         let (findings, finding_count) = first_findings(&loaded);
         if let Some(message) = refusal(&name, &loaded) {
             return Ok(LoadProgramResponse {
@@ -253,7 +271,7 @@ impl Loader {
             ..LoadProgramResponse::default()
         };
         tracing::info!("{}", response.message);
-        self.publish(name, text, &profile, loaded);
+        self.publish(name, text, &profile, loaded, probing);
         Ok(response)
     }
 
@@ -354,12 +372,20 @@ impl Loader {
         }
     }
 
-    fn publish(&self, name: String, text: Vec<u8>, profile: &Profile, loaded: Loaded) {
+    fn publish(
+        &self,
+        name: String,
+        text: Vec<u8>,
+        profile: &Profile,
+        loaded: Loaded,
+        probing: Option<Probing>,
+    ) {
         let program_id = id_of(profile, &text);
         let stamp = self.node.now();
         let (min, max) = corners(&loaded);
         if let Some(file) = &self.parameter_file {
-            file.loaded(&program_id, loaded.left);
+            // A run ends under the id that it has begun with.
+            file.loaded(probing.as_ref().map_or(&program_id, |it| &it.id), loaded.left);
         }
         let mut program = Program {
             stamp: stamp.into(),
@@ -381,6 +407,7 @@ impl Loader {
 
         self.state().current = Some(Current {
             program_id,
+            probing,
             manifest: program.clone(),
             program: Arc::clone(&program_cut),
             contour: Arc::clone(&contour_cut),

@@ -7,21 +7,11 @@
 
 use crate::without_filler;
 use cnc_msgs::geometry::Position;
+use cnc_msgs::probing::ProbeResult;
 use std::fmt::Write;
 
 /// The line before the results begins so, and goes on with their number.
 const BEGIN: &str = "(results of probes, appended by Kerf: ";
-
-/// What one probe has found, in the work frame, mm.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ProbeResult {
-    /// It has touched, or let go.
-    pub has_touched: bool,
-    /// Where it has; the end of its way where it has not.
-    pub contact: Position,
-    /// Where the tool stands afterwards.
-    pub stands: Position,
-}
 
 /// The text with these results, in the order of the run, in place of those that it has.
 pub fn with_results(text: &[u8], results: &[ProbeResult]) -> Vec<u8> {

@@ -3,9 +3,10 @@
 mod common;
 
 use cnc_msgs::contour::{Action, ContourEventKind, Source};
+use cnc_msgs::probing::ProbeResult;
 use common::profile;
 use program_loader::canonical::event_text;
-use program_loader::probe_results::{ProbeResult, with_results};
+use program_loader::probe_results::with_results;
 use program_loader::{LoadOptions, Loaded, load};
 
 const BEGIN: &str = "G21 G90 F100\nG0 X0 Y0 Z5\nG38.2 Z-30\n";

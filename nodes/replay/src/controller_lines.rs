@@ -61,6 +61,9 @@ impl Iterator for Lines {
                 (format!("tool change to T{tool} by the controller"), source.line)
             }
             Ok(EncoderStep::Home { text, source, .. }) => (text, source.line),
+            Ok(EncoderStep::Stretch { source }) => {
+                ("what follows a probe is planned".to_owned(), source.line)
+            }
             Ok(EncoderStep::CheckStart) => ("check of the start".to_owned(), 0),
             Ok(EncoderStep::CheckReturn { .. }) => ("check of the way back".to_owned(), 0),
             Err(error) => {

@@ -281,6 +281,10 @@ fn rest_of(
     let tables = earlier.map(|plan| plan.report.tool_table_revision);
     let before = tables.and_then(|revision| recording.tool_tables.get(&revision));
     let after = recording.tool_tables.get(&manifest.tool_table_revision);
+    if earlier.is_some_and(|plan| plan.report.program_id != manifest.program_id) {
+        // The text has the results of probes now, and is planned as a whole.
+        return Ok(None);
+    }
     let contour = inputs.contour(&manifest.program_id);
     let (Some(running), Some(before), Some(after), Some(contour)) =
         (running, before, after, contour)

@@ -3,7 +3,7 @@
 use super::*;
 
 /// Homed, with its work zero 20 mm below the top of the travel, which ends 80 mm below that.
-fn homed(config: DriverConfig) -> Line {
+pub(super) fn homed(config: DriverConfig) -> Line {
     let mut settings = Settings::small_router();
     settings.set_line("$22=1").expect("a setting");
     let build = Build { probe_surface_z_mm: Some(-80.0), ..Build::new(settings) };

@@ -3,6 +3,7 @@
 mod failed;
 mod judged;
 mod refused;
+mod stretches;
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{

@@ -84,7 +84,7 @@ fn what_is_left_is_not_planned_again_between_a_probe_and_its_zero() {
     assert_eq!(refusal.error_code, error_code::BUSY, "{refusal}");
 }
 
-fn check() -> RunRequest {
+pub(super) fn check() -> RunRequest {
     RunRequest {
         program_id: "part".into(),
         revision: 1,

@@ -58,6 +58,9 @@ pub enum Command {
     ConfirmToolChange { objection: Option<String> },
     /// Goes on with another path for what is left, while the machine stands in a hold.
     Replan(ReplanRequest),
+    /// The program of the run that waits in revision `of` has been read on from what its probes have
+    /// found: its id with that, or why it is refused.
+    ProgramContinued { of: u64, answer: Result<String, String> },
     /// Runs the path of a single block, from idle; answered as a run is.
     ExecuteMdi { path: Arc<CompensatedPath> },
     /// Whether the machine stops after every block. It takes effect at the end of
@@ -137,6 +140,7 @@ impl Driver {
                 Command::Recorder { is_whole, reason } => self.on_recorder(is_whole, &reason),
                 Command::ConfirmToolChange { objection } => self.confirm_tool_change(objection),
                 Command::Replan(request) => self.replan(id, request),
+                Command::ProgramContinued { of, answer } => self.on_program_continued(of, answer),
                 Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
                 Command::SetSingleBlock(is_on) => self.set_single_block(is_on),
                 Command::Activate => self.activate(),

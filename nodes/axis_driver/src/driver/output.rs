@@ -5,6 +5,7 @@ use crate::firmware::Firmware;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::MachineState;
+use cnc_msgs::probing::ProbeResult;
 use serde::{Deserialize, Serialize};
 
 /// What to do outside, in order.
@@ -20,6 +21,8 @@ pub enum Output {
     Progress { line: u32, fraction: f64, time_left_s: f64 },
     /// The accepted run is over.
     RunFinished(RunResult),
+    /// The run waits until what follows is planned from what its probes have found.
+    Probes(ProbesOfRun),
     /// The accepted jog or probe is over.
     MoveFinished(MoveResult),
     /// What the controller reported about itself, when it was connected and after a change.
@@ -47,6 +50,17 @@ pub struct RunResult {
     /// Which time the last line is run, from 1; 0: the only one.
     #[serde(default)]
     pub last_occurrence: u32,
+}
+
+/// What the probes of a run have found so far.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ProbesOfRun {
+    pub program_id: String,
+    pub revision: u64,
+    /// The line that reads a result.
+    pub line: u32,
+    /// In the order of the run.
+    pub results: Vec<ProbeResult>,
 }
 
 /// How a jog or a probe ended.

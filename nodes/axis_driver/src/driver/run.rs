@@ -31,6 +31,7 @@ use block::BlockOfLine;
 use cnc_msgs::contour::{Probe, Source};
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::machine::{MachineState, Mode, WAITING_FOR_RECORDER};
+use cnc_msgs::probing::ProbeResult;
 use job::Job;
 use probe::Probing;
 use proof::Proof;
@@ -76,6 +77,8 @@ pub(super) struct ProgramRun {
     /// It is judged by others, before the first words are sent.
     judged_again: Option<Box<WorkplaceCheck>>,
     watch: RunWatch,
+    /// What its probes have found.
+    probed: Vec<ProbeResult>,
 }
 
 /// What is encoded and waits for room.
@@ -123,6 +126,15 @@ enum Stage {
     Probed {
         until: usize,
     },
+    /// What follows this block is being planned from what the probes have found.
+    AwaitingPlan {
+        source: Source,
+        until: Duration,
+        /// The program with it, once the loader has said.
+        program_id: Option<String>,
+        /// Why the run does not go on with it.
+        refused: Option<String>,
+    },
     /// A block has ended in single block mode.
     BlockEnd(BlockOfLine),
 }
@@ -151,6 +163,9 @@ enum Then {
     },
     /// The probe has ended.
     Probed(Probing),
+    Stretch {
+        source: Source,
+    },
     /// The axes are home.
     GoOn,
     /// Wait for a resume.
@@ -175,8 +190,15 @@ impl ProgramRun {
     ) -> Self {
         let judged_by = proof.workplace.as_ref().map(|it| it.offsets);
         let tracker = Tracker::new(first_element, machine.planner_blocks());
-        let job =
-            Job { id, request, tracker, has_sent: false, blamed_line: 0, is_in_tool_change: false };
+        let job = Job {
+            id,
+            path_of: request.program_id.clone(),
+            request,
+            tracker,
+            has_sent: false,
+            blamed_line: 0,
+            is_in_tool_change: false,
+        };
         Self {
             job,
             first_element,
@@ -196,6 +218,7 @@ impl ProgramRun {
             judged_by,
             judged_again: None,
             watch: RunWatch::default(),
+            probed: Vec::new(),
         }
     }
 
@@ -283,7 +306,8 @@ impl ProgramRun {
             Stage::AwaitingRecorder { until }
             | Stage::Preparing { until }
             | Stage::Positioning { until }
-            | Stage::Homing { until, .. } => Some(*until),
+            | Stage::Homing { until, .. }
+            | Stage::AwaitingPlan { until, .. } => Some(*until),
             _ => None,
         }
     }
@@ -317,6 +341,12 @@ impl ProgramRun {
             Stage::Homing { source, .. } => {
                 state.mode = Mode::Home;
                 state.reason = format!("HOME: asked for in {}", self.job.line_of(*source));
+            }
+            Stage::AwaitingPlan { source, .. } if state.mode == Mode::Idle => {
+                state.mode = Mode::Run;
+                let line = self.job.line_of(*source);
+                state.reason =
+                    format!("PROBE: what follows is being planned from its result ({line})");
             }
             Stage::Probing(probing) if matches!(state.mode, Mode::Idle | Mode::Run) => {
                 state.mode = Mode::Run;

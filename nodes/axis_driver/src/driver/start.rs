@@ -43,6 +43,9 @@ impl Driver {
         {
             return Some(Err(refusal));
         }
+        if let Some(refusal) = request.stretch_obstacle() {
+            return Some(Err(refusal));
+        }
         if !is_only_encoded && let Some(refusal) = request.frame_obstacle(&self.context.machine) {
             return Some(Err(refusal));
         }
@@ -100,6 +103,18 @@ impl Driver {
             Phase::Stopping(stopping) => stopping.replan(&request),
             _ => refused(error_code::NOTHING_TO_DO, "no program is running"),
         }
+    }
+
+    /// Takes what the loader has made of the results of probes.
+    pub(super) fn on_program_continued(
+        &mut self,
+        of: u64,
+        answer: Result<String, String>,
+    ) -> Answer {
+        if let Phase::Running(run) = &mut self.phase {
+            run.on_program_continued(of, answer);
+        }
+        done("heard")
     }
 
     pub(super) fn cancel_run(&mut self, run: Option<u64>) -> Answer {

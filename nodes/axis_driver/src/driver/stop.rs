@@ -147,7 +147,7 @@ impl Stopping {
 
     /// Another path: refused, because the machine is being stopped.
     pub(super) fn replan(&self, request: &ReplanRequest) -> Answer {
-        match request.check(&self.job.request) {
+        match request.check(&self.job.path_of, self.job.request.revision) {
             Ok(()) => refused(error_code::BUSY, replan::NOT_IN_A_HOLD),
             Err(refusal) => Some(Err(refusal)),
         }

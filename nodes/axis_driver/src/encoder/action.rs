@@ -110,7 +110,10 @@ impl Encoder {
             }
             Action::Further(further) => self.encode_further(further, source),
             Action::Probe(probe) => self.encode_probe(probe, source),
-            Action::Stretch { .. } => Err(EncodeProblem::Stretch),
+            Action::Stretch { .. } => {
+                self.pending.push_back(EncoderStep::Stretch { source });
+                Ok(())
+            }
             Action::StoreReference { second } => {
                 let text = if second { "G30.1" } else { "G28.1" };
                 // The firmware writes it to its memory, and hears nothing meanwhile.

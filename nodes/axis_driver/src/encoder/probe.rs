@@ -39,6 +39,19 @@ impl Encoder {
         self.push_absolute(relative, source)
     }
 
+    /// The stretch that begins here is in the path now: a rapid of its block says where
+    /// the axes are that nobody knew, and moves nothing.
+    pub(crate) fn begin_stretch(&mut self) {
+        let last = self.next_event.checked_sub(1).map(|event| self.path.events[event].action);
+        if let Some(Action::Stretch { axes }) =
+            last.filter(|_| self.next_element < self.path.elements.len())
+            && !axes.is_empty()
+        {
+            self.next_element += 1;
+            self.modal.unknown = self.modal.unknown.without(axes);
+        }
+    }
+
     /// G90 again, after a line that has moved axes from wherever they were.
     pub(super) fn push_absolute(
         &mut self,

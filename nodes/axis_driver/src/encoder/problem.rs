@@ -71,11 +71,6 @@ pub enum EncodeProblem {
     UnknownRate { words: String },
     #[error("this controller has no {word}")]
     Unsupported { word: String },
-    #[error(
-        "the program computes with the result of a probe here, which a run does not do yet: set the zero where \
-         the probe has touched with G10 L20"
-    )]
-    Stretch,
     #[error("{word} comes after the end of the program in line {end}")]
     AfterEnd { word: String, end: u32 },
     #[error("the line {text:?} has {bytes} bytes; the controller accepts {max}")]

@@ -135,6 +135,12 @@ pub fn start_at(
 }
 
 impl Encoder {
+    /// The axes whose place the path says here.
+    pub(crate) fn known_axes(&self) -> AxisSet {
+        let place = KnownPlace::before(&self.path, self.next_element, self.next_event);
+        AxisSet::ALL.without(place.unknown.union(place.untouched))
+    }
+
     /// Whether what follows counts from a place that the path does not say.
     pub(crate) fn counts_from_unknown(&self) -> bool {
         let place = KnownPlace::before(&self.path, self.next_element, self.next_event);

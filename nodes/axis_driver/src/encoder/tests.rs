@@ -53,6 +53,7 @@ fn text_of(step: &EncoderStep) -> String {
         EncoderStep::Line(line) => line.text.clone(),
         EncoderStep::ToolChange { tool, .. } => format!("(T{tool})"),
         EncoderStep::CheckStart => "(start)".into(),
+        EncoderStep::Stretch { .. } => "(stretch)".into(),
         EncoderStep::Probe { line, .. } => format!("({})", line.text),
         EncoderStep::ControllerChange { tool, .. } => format!("(T{tool} by the controller)"),
         EncoderStep::CheckReturn { .. } => "(return)".into(),

@@ -138,6 +138,10 @@ enum CommandForm {
         of: u64,
         revision: u64,
     },
+    ProgramContinued {
+        of: u64,
+        answer: Result<String, String>,
+    },
     /// The path has no program that it could be found by.
     ExecuteMdi(mdi::PathRecord),
     SetSingleBlock {
@@ -202,6 +206,9 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
             of: request.of,
             revision: request.revision,
         },
+        Command::ProgramContinued { of, answer } => {
+            CommandForm::ProgramContinued { of: *of, answer: answer.clone() }
+        }
         Command::ExecuteMdi { path } => CommandForm::ExecuteMdi(mdi::PathRecord::of(path)),
         Command::SetSingleBlock(on) => CommandForm::SetSingleBlock { on: *on },
         Command::Activate => CommandForm::Activate,
@@ -271,6 +278,7 @@ pub fn command_from_json(
             };
             Command::Replan(ReplanRequest { program_id, of, revision, path })
         }
+        CommandForm::ProgramContinued { of, answer } => Command::ProgramContinued { of, answer },
         CommandForm::ExecuteMdi(record) => Command::ExecuteMdi { path: Arc::new(record.path()?) },
         CommandForm::SetSingleBlock { on } => Command::SetSingleBlock(on),
         CommandForm::Activate => Command::Activate,

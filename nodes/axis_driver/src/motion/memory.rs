@@ -45,6 +45,8 @@ pub(super) struct Memory {
     kept: BTreeMap<String, Vec<u8>>,
     state: Option<(Duration, MachineState)>,
     settings: Option<(Duration, ControllerSettings)>,
+    /// What a run that waits for its plan has said.
+    probes: Option<Event>,
     ends: VecDeque<Event>,
     /// Commands whose answer the next face needs, not answered yet.
     followed: BTreeSet<u64>,
@@ -101,12 +103,17 @@ impl Memory {
         match &event.output {
             Output::State(state) => self.state = Some((event.at, state.clone())),
             Output::Settings(settings) => self.settings = Some((event.at, settings.clone())),
+            Output::Probes(_) => self.probes = Some(event.clone()),
             Output::Reply { id, .. } => {
                 if self.followed.remove(id) {
                     self.keep_end(event);
                 }
             }
-            Output::RunFinished(_) | Output::MoveFinished(_) => self.keep_end(event),
+            Output::RunFinished(_) => {
+                self.probes = None;
+                self.keep_end(event);
+            }
+            Output::MoveFinished(_) => self.keep_end(event),
             Output::Transmit(_)
             | Output::Progress { .. }
             | Output::ReadyToClose
@@ -133,7 +140,8 @@ impl Memory {
         let state = self.state.iter();
         let state =
             state.map(|(at, state)| Event { at: *at, output: Output::State(state.clone()) });
-        settings.chain(self.ends.iter().cloned()).chain(state).collect()
+        let probes = self.probes.iter().cloned();
+        settings.chain(probes).chain(self.ends.iter().cloned()).chain(state).collect()
     }
 }
 

@@ -7,6 +7,7 @@
 use super::{Current, Input, Planner};
 use crate::tools::replan::{NotReplanned, Replanned, replan};
 use crate::tools::set_tool::LoadedProgram;
+use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind};
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
@@ -26,6 +27,9 @@ const CHUNK: Duration = Duration::from_millis(15);
 pub(super) struct RunningPlan {
     pub(super) revision: u64,
     pub(super) program_id: String,
+    /// The program that the run has begun with: with the results of probes it has another id.
+    pub(super) run_of: String,
+    pub(super) tools_revision: u64,
     pub(super) input: Input,
     pub(super) tools: ToolTable,
     pub(super) path: Arc<CompensatedPath>,
@@ -44,11 +48,25 @@ pub(super) struct Live {
 }
 
 impl Live {
+    /// The running plan that an input goes on from: the same so far, of a program that computes with the
+    /// results of its probes. The driver decides whether it takes what is planned.
+    pub(super) fn continued_by(&self, input: &Input) -> Option<&RunningPlan> {
+        let running = self.running.as_ref().filter(|_| self.revision > 0)?;
+        let before = &running.input.contour.events;
+        let is_stretch = |last: &ContourEvent| {
+            matches!(last.kind, ContourEventKind::Action(Action::Stretch { .. }))
+        };
+        let is_continued = before.last().is_some_and(is_stretch)
+            && input.manifest.program_id != running.program_id
+            && input.contour.events.starts_with(before);
+        is_continued.then_some(running)
+    }
+
     fn update(&mut self, state: &MachineState) {
         (self.revision, self.settled) = (state.path_revision, state.settled_elements);
         self.is_held = state.state == MachineState::STATE_HOLD;
         let is_meant = |plan: &&RunningPlan| {
-            plan.revision == state.path_revision && plan.program_id == state.program_id
+            plan.revision == state.path_revision && plan.run_of == state.program_id
         };
         if self.running.as_ref().filter(is_meant).is_none() {
             self.running = self.newest.as_ref().filter(is_meant).cloned();
@@ -114,7 +132,8 @@ impl Planner {
         let program_id = running.program_id.clone();
         let mut current = Current::new(program_id, revision, &plan, self.chord_error_mm);
         let input = Input { contour: Arc::new(contour), ..running.input };
-        let offered = RunningPlan { revision, input, tools, path: Arc::new(plan.path), ..running };
+        let path = Arc::new(plan.path);
+        let offered = RunningPlan { revision, input, tools, tools_revision, path, ..running };
         self.state().live.newest = Some(offered.clone());
         let numbers = (tools_revision, running.revision, settled);
         self.publish_path(&offered, numbers, stamp, &mut current);

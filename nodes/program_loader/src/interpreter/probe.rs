@@ -13,11 +13,11 @@ use super::{Interpreter, Scene};
 use crate::dialect::FeedMode;
 use crate::expression::Trouble;
 use crate::limits::STAYS_MM;
-use crate::probe_results::ProbeResult;
 use cnc_msgs::contour::{Action, MotionClass, Probe, Source};
 use cnc_msgs::finding::Code;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Position, Shape};
+use cnc_msgs::probing::ProbeResult;
 use cnc_msgs::units::received_mm;
 use std::cell::Cell;
 

@@ -10,18 +10,10 @@ use cnc_msgs::wire::geometry_msgs::msg::Point;
 /// Size of the findings in one response, bytes.
 const FINDINGS_BYTES_MAX: usize = 40_000;
 
-/// The response for a rejected program; `None` for an accepted one. What can be planned to the result
-/// of a probe only is rejected as well: a run does not go on from it yet.
+/// The response for a rejected program; `None` for an accepted one.
 pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
     let mut errors = loaded.findings.iter().filter(|finding| finding.is_error());
-    let Some(first) = errors.next() else {
-        let awaits = loaded.awaits?;
-        let (line, calls) = (awaits.line, loaded.contour.calls.after(awaits));
-        return Some(format!(
-            "{name} is refused: line {line}{calls} computes with the result of a probe, and a run does not go on \
-             from that yet"
-        ));
-    };
+    let first = errors.next()?;
     let (line, message) = (first.source.line, &first.message);
     let calls = chain_after(&first.calls);
     Some(format!(
@@ -60,16 +52,6 @@ pub(super) fn first_findings(loaded: &Loaded) -> (Vec<wire::Finding>, u32) {
 mod tests {
     use super::*;
     use crate::{LoadOptions, load};
-
-    #[test]
-    fn a_program_that_computes_with_the_result_of_a_probe_is_refused_with_its_line() {
-        let profile = settings::load_profile("rs274").expect("a profile of ours");
-        let text = b"G21 G90 F100\nG0 Z2\nG38.2 Z-5\nG0 Z[#5063+1]\nM2\n";
-        let loaded = load(text, &profile, &LoadOptions::default());
-        let refused = refusal("part", &loaded).expect("it is refused");
-        let wanted = "part is refused: line 4 computes with the result of a probe";
-        assert!(refused.starts_with(wanted), "{refused}");
-    }
 
     #[test]
     fn an_axis_that_the_program_does_not_name_has_no_bounds() {

@@ -68,7 +68,7 @@ impl Loader {
         type W = GetContourChunksResponse;
         let state = self.state();
         let current = match &state.current {
-            Some(current) if wanted.is_empty() || wanted == current.program_id => current,
+            Some(current) if wanted.is_empty() || current.is_of(wanted) => current,
             Some(current) => {
                 return refuse(
                     W::UNKNOWN_PROGRAM,

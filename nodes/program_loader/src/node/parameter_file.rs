@@ -1,18 +1,18 @@
 //! The parameter file of the node: every program begins with its values, and a run that is finished
 //! puts back what its program has changed.
 
-use super::{Loader, Refusal, refuse};
+use super::{Refusal, refuse};
 use crate::parameter_file::runs::Runs;
 use crate::parameter_file::{Left, PARAMETER_FILE_BYTES_MAX, after_run, with_parameters};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::RunResult;
 use cnc_msgs::wire::cnc_msgs::srv::LoadProgramResponse;
 use intake::replace::replace;
-use runtime::{Handle, Health, HealthLevel, NodeError, Qos};
+use runtime::{Handle, Health, HealthLevel};
 use std::error::Error;
 use std::fs;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// The file, and what programs leave in it.
 pub(super) struct ParameterFile {
@@ -60,7 +60,7 @@ impl ParameterFile {
     }
 
     /// Puts what the program of a finished run has left into the file.
-    fn finished(&self, result: &RunResult) {
+    pub(super) fn finished(&self, result: &RunResult) {
         let path = self.path.display();
         let left = self.state().runs.ended(result).map(<[Left]>::to_vec);
         let written = match left {
@@ -111,33 +111,6 @@ impl ParameterFile {
         let component = "parameter file".to_owned();
         Some(Health { component, level: HealthLevel::Warn, message, ..Health::default() })
     }
-}
-
-/// Follows the runs, where there is a file to write. Only results from now on: an older one has
-/// nothing to do with a program that is loaded later.
-pub(super) fn follow(node: &Handle, loader: &Arc<Loader>) -> Result<(), NodeError> {
-    if loader.parameter_file.is_none() {
-        return Ok(());
-    }
-    let mut results = node.subscription::<RunResult>("run_result", Qos::DEFAULT)?;
-    let loader = Arc::clone(loader);
-    node.spawn("run results", async move {
-        loop {
-            let (result, _) = results.next().await;
-            let worker = Arc::clone(&loader);
-            // A program that is loaded now begins with what this run leaves.
-            let _work = loader.work.lock().await;
-            let written = tokio::task::spawn_blocking(move || {
-                if let Some(file) = &worker.parameter_file {
-                    file.finished(&result);
-                }
-            });
-            if let Err(error) = written.await {
-                tracing::error!("the parameter file was not written: {error}");
-            }
-        }
-    });
-    Ok(())
 }
 
 #[cfg(test)]

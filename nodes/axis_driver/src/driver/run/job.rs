@@ -12,6 +12,8 @@ pub(in crate::driver) struct Job {
     /// The command that began it.
     pub(in crate::driver) id: u64,
     pub(in crate::driver) request: RunRequest,
+    /// The program that its path is of: with the results of probes it has another id.
+    pub(in crate::driver) path_of: String,
     pub(in crate::driver) tracker: Tracker,
     pub(in crate::driver) has_sent: bool,
     /// The line of the block that the controller refused or stopped at.

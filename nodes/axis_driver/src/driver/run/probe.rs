@@ -5,19 +5,22 @@
 
 use super::exit::Exit;
 use super::job::Job;
+use super::request::RunRequest;
 use super::workplace::WorkplaceCheck;
 use super::{ProgramRun, Stage, Then};
 use crate::codes::error_code;
+use crate::driver::context::config::PLANNED;
 use crate::driver::context::place::show;
 use crate::driver::context::queries::OFFSETS_QUERY;
 use crate::driver::context::{Context, Origin};
-use crate::driver::output::LogLevel;
+use crate::driver::output::{LogLevel, Output, ProbesOfRun};
 use crate::encoder::EncodedLine;
 use crate::link::LineKind;
 use crate::vectors::{dot, minus, norm, unit};
 use cnc_msgs::contour::{Probe, Source};
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::path::UnknownAxes;
+use cnc_msgs::probing::ProbeResult;
 
 /// How far beyond the place where it has touched a probe may stop without a warning, mm.
 const BEYOND_MM: f64 = 0.02;
@@ -144,6 +147,18 @@ impl ProgramRun {
             let place = self.job.place_of(probing.source);
             return Some(Exit::abort(error_code::PROBE_FAILED, format!("{place}: {text}")));
         }
+        let stands = context.machine.work_position();
+        let contact = match probing.touch {
+            Some((touch, true)) => context.machine.in_work_frame(touch),
+            _ => stands,
+        };
+        let Some((contact, stands)) = contact.zip(stands) else {
+            let place = self.job.place_of(probing.source);
+            let text = format!("{place}: the controller does not say where the work frame is");
+            return Some(Exit::abort(error_code::PROBE_FAILED, text));
+        };
+        let has_touched = probing.has_touched();
+        self.probed.push(ProbeResult { has_touched, contact, stands });
         let UnknownAxes { until, relative, zeroed } = self.after(probing);
         if let (Some((line, _)), Some((touch, true)), Some(at)) =
             (zeroed, probing.touch, context.machine.machine_position())
@@ -182,6 +197,45 @@ impl ProgramRun {
         if !self.is_judging() {
             self.go_on();
         }
+    }
+
+    /// All motion has ended: says what the probes have found, and waits for the rest of the path.
+    pub(super) fn await_plan(&mut self, context: &mut Context, source: Source) {
+        let until = context.now + PLANNED;
+        let (program_id, refused) = (None, None);
+        self.stage = Stage::AwaitingPlan { source, until, program_id, refused };
+        let RunRequest { program_id, revision, .. } = &self.job.request;
+        context.outputs.push_back(Output::Probes(ProbesOfRun {
+            program_id: program_id.clone(),
+            revision: *revision,
+            line: source.line,
+            results: self.probed.clone(),
+        }));
+    }
+
+    /// The loader has read the program on, or refuses it; of another run or stretch it says nothing.
+    pub(in crate::driver) fn on_program_continued(
+        &mut self,
+        of: u64,
+        answer: Result<String, String>,
+    ) {
+        if let Stage::AwaitingPlan { program_id, refused, .. } = &mut self.stage
+            && of == self.job.request.revision
+        {
+            match answer {
+                Ok(id) => *program_id = Some(id),
+                Err(why) => *refused = Some(why),
+            }
+        }
+    }
+
+    /// Why the run does not go on: what was planned from the results of probes is refused.
+    pub(super) fn end_without_plan(&mut self, source: Source, why: &str) -> Exit {
+        self.job.blamed_line = source.line;
+        let place = self.job.place_of(source);
+        let text =
+            format!("{place}: what follows was not planned from the result of the probe: {why}");
+        Exit::abort(error_code::PROBE_FAILED, text)
     }
 
     /// What follows does with the axes of the probe.

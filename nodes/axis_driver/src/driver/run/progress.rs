@@ -6,7 +6,7 @@ use super::tool_change::ToolChange;
 use super::watch::EndOfLines;
 use super::{ProgramRun, Stage, Then};
 use crate::codes::{self, error_code};
-use crate::driver::context::config::{ANSWER, RECORDER, SETTLED, WORK_POSITION};
+use crate::driver::context::config::{ANSWER, PLANNED, RECORDER, SETTLED, WORK_POSITION};
 use crate::driver::context::place::PlaceWatch;
 use crate::driver::context::queries::OFFSETS_QUERY;
 use crate::driver::context::{Context, Origin};
@@ -67,6 +67,19 @@ impl ProgramRun {
             Stage::Homing { until, .. } if now >= *until => {
                 let text = "the axes did not find their switches in time";
                 Some(Exit::abort(error_code::NO_ANSWER, text))
+            }
+            Stage::AwaitingPlan { until, .. }
+                if self.is_held || is_machine_held || self.rest.is_some() =>
+            {
+                *until = now + PLANNED;
+                None
+            }
+            Stage::AwaitingPlan { source, until, refused, .. }
+                if refused.is_some() || now >= *until =>
+            {
+                let nobody = || format!("nobody has answered within {} s", PLANNED.as_secs());
+                let (source, why) = (*source, refused.take().unwrap_or_else(nobody));
+                Some(self.end_without_plan(source, &why))
             }
             _ => None,
         }
@@ -315,6 +328,7 @@ impl ProgramRun {
             Then::BlockEnd(block) => self.stage = Stage::BlockEnd(block),
             Then::Probe { line, probe } => self.begin_probe(context, line, probe),
             Then::Probed(probing) => return self.after_probe(context, &probing),
+            Then::Stretch { source } => self.await_plan(context, source),
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
             Then::Home { text, axes, source } => {
                 let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;

@@ -58,6 +58,7 @@ impl Proof {
                     EncoderStep::ToolChange { .. }
                     | EncoderStep::Home { .. }
                     | EncoderStep::ControllerChange { .. }
+                    | EncoderStep::Stretch { .. }
                     | EncoderStep::CheckStart
                     | EncoderStep::CheckReturn { .. },
                 )) => {}
@@ -139,6 +140,7 @@ pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) ->
             EncoderStep::Home { text, .. } => text,
             EncoderStep::ToolChange { tool, .. } => format!("the change to T{tool}"),
             EncoderStep::ControllerChange { tool, .. } => format!("M6T{tool}"),
+            EncoderStep::Stretch { .. } => break,
             EncoderStep::CheckStart | EncoderStep::CheckReturn { .. } => continue,
         };
         match lines.len() < SHOWN_MAX {

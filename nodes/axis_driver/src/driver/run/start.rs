@@ -12,6 +12,7 @@ use crate::driver::context::machine::Machine;
 use crate::encoder::EncoderConfig;
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
+use cnc_msgs::path::PathEvent;
 
 impl RunRequest {
     /// Whether the path is only encoded, so that the machine does not matter.
@@ -34,6 +35,22 @@ impl RunRequest {
             let (action, line) = (event.action.text(), event.source.line);
             Some(format!("{action} in line {line} {}", because(&event.action)?))
         })
+    }
+
+    /// Why no run can begin with a path that has a stretch from the results of another run.
+    pub(in crate::driver) fn stretch_obstacle(&self) -> Option<Refusal> {
+        let (last, before) = self.path.events.split_last()?;
+        let is_at_end = last.at_element == self.path.elements.len();
+        let is_stretch = |event: &&PathEvent| matches!(event.action, Action::Stretch { .. });
+        let found = before
+            .iter()
+            .find(is_stretch)
+            .or(Some(last).filter(is_stretch).filter(|_| !is_at_end))?;
+        let text = format!(
+            "what follows line {} was planned from what the probes of another run have found: load the program again",
+            found.source.line
+        );
+        Some(Refusal::new(error_code::START_POSITION, text))
     }
 
     /// Why a path cannot be run where the machine's zero is not known: it goes to places of

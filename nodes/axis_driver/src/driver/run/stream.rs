@@ -52,6 +52,7 @@ impl ProgramRun {
                             | EncoderStep::ToolChange { .. }
                             | EncoderStep::ControllerChange { .. }
                             | EncoderStep::Probe { .. }
+                            | EncoderStep::Stretch { .. }
                             | EncoderStep::CheckStart,
                         )),
                         _,
@@ -73,6 +74,7 @@ impl ProgramRun {
                     (Some(Ok(EncoderStep::Probe { line, probe })), _) => {
                         Then::Probe { line, probe }
                     }
+                    (Some(Ok(EncoderStep::Stretch { source })), _) => Then::Stretch { source },
                     (Some(Ok(EncoderStep::CheckStart)), _) => Then::CheckStart,
                     (Some(Ok(EncoderStep::CheckReturn { stood })), _) => {
                         Then::CheckReturn { stood }

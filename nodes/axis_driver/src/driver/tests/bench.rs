@@ -343,7 +343,10 @@ impl Bench {
                     }
                     self.states.push(state);
                 }
-                Output::Progress { .. } | Output::MoveFinished(_) | Output::Settings(_) => {}
+                Output::Progress { .. }
+                | Output::MoveFinished(_)
+                | Output::Probes(_)
+                | Output::Settings(_) => {}
                 Output::RunFinished(result) => self.finished = Some(result),
                 Output::ReadyToClose => self.is_ready_to_close = true,
                 Output::Log { message, .. } => self.log = self.log.clone() + &message + "\n",

@@ -1,0 +1,135 @@
+//! The stretches of a program that computes with what its probes have found.
+//!
+//! When the run has come so far, the driver asks for the text to be read again with the results at its end.
+//! When the run has ended, the program is again what it was: the next run has results of its own.
+
+use super::{Loader, Refusal, id_of, refusal, refuse};
+use crate::load;
+use crate::probe_results::with_results;
+use cnc_msgs::convert::WireError;
+use cnc_msgs::interface::Service;
+use cnc_msgs::probing::ProbeResult;
+use cnc_msgs::profile::Profile;
+use cnc_msgs::wire::cnc_msgs::msg::RunResult;
+use cnc_msgs::wire::cnc_msgs::srv::{
+    ContinueProgram, ContinueProgramRequest, ContinueProgramResponse,
+};
+use runtime::commands::{Answer, CommandLog};
+use runtime::{Handle, NodeError, Qos};
+use std::sync::Arc;
+
+/// A program that is read again from here.
+#[derive(Clone)]
+pub(super) struct Probing {
+    /// Without results.
+    pub(super) id: String,
+    pub(super) name: String,
+    pub(super) text: Arc<Vec<u8>>,
+    pub(super) profile: Arc<Profile>,
+    pub(super) expected_tools: Vec<u32>,
+}
+
+impl Loader {
+    /// The program that is loaded, with its present id, if it computes with results.
+    fn probing(&self) -> Option<(String, Probing)> {
+        let state = self.state();
+        let current = state.current.as_ref()?;
+        Some((current.program_id.clone(), current.probing.clone()?))
+    }
+
+    /// Reads the program of a run on, with what its probes have found.
+    fn continue_program(&self, request: &ContinueProgramRequest) -> Result<String, Refusal> {
+        type W = ContinueProgramResponse;
+        self.node.require_active().or_else(|why| refuse(W::NOT_ACTIVE, why))?;
+        let Some((_, probing)) = self.probing().filter(|(_, it)| it.id == request.program_id)
+        else {
+            return refuse(W::UNKNOWN_PROGRAM, "another program was loaded since the run began");
+        };
+        let results: Result<Vec<ProbeResult>, WireError> =
+            request.results.iter().map(TryInto::try_into).collect();
+        let results = results.or_else(|error| refuse(W::PROGRAM_REFUSED, error))?;
+        let id = self.read_again(probing, &results);
+        id.or_else(|message| refuse(W::PROGRAM_REFUSED, message))
+    }
+
+    /// A run has ended: the next one probes anew.
+    fn begin_anew(&self, result: &RunResult) {
+        let is_meant = |(id, probing): &(String, Probing)| {
+            probing.id == result.program_id && *id != probing.id
+        };
+        if let Some((_, probing)) = self.probing().filter(is_meant)
+            && let Err(why) = self.read_again(probing, &[])
+        {
+            tracing::error!("the program was not read anew after its run: {why}");
+        }
+    }
+
+    /// Returns the id of the text with these results.
+    fn read_again(&self, probing: Probing, results: &[ProbeResult]) -> Result<String, String> {
+        let Probing { name, text, profile, expected_tools, .. } = probing.clone();
+        let text = with_results(&text, results);
+        let mut loaded = load(&text, &profile, &self.options);
+        loaded.allow_tools(&expected_tools);
+        if let Some(message) = refusal(&name, &loaded) {
+            return Err(message);
+        }
+        tracing::info!("{name} is read again with {} results of probes", results.len());
+        let id = id_of(&profile, &text);
+        self.publish(name, text, &profile, loaded, Some(probing));
+        Ok(id)
+    }
+}
+
+/// Offers to read a program on, and follows the ends of runs. Only from now on: older results have nothing
+/// to do with a program that is loaded later.
+pub(super) fn offer(
+    node: &Handle,
+    loader: &Arc<Loader>,
+    commands: &CommandLog,
+) -> Result<(), NodeError> {
+    let (shared, log) = (Arc::clone(loader), commands.clone());
+    node.service::<ContinueProgram, _, _>("continue_program", move |request, info| {
+        let (loader, log) = (Arc::clone(&shared), log.clone());
+        async move {
+            let asked = request.clone();
+            let worker = Arc::clone(&loader);
+            let _work = loader.work.lock().await;
+            let read = tokio::task::spawn_blocking(move || worker.continue_program(&request)).await;
+            type W = ContinueProgramResponse;
+            let response = match read {
+                Ok(Ok(program_id)) => W { success: true, program_id, ..W::default() },
+                Ok(Err(Refusal { code, message })) => {
+                    W { error_code: code, message, ..W::default() }
+                }
+                Err(error) => W { message: format!("the loader failed: {error}"), ..W::default() },
+            };
+            let answer = Answer {
+                success: response.success,
+                error_code: response.error_code,
+                message: &response.message,
+            };
+            log.record("continue_program", ContinueProgram::TYPE_NAME, &info, &asked, answer);
+            response
+        }
+    })?;
+    let mut results = node.subscription::<RunResult>("run_result", Qos::DEFAULT)?;
+    let loader = Arc::clone(loader);
+    node.spawn("run results", async move {
+        loop {
+            let (result, _) = results.next().await;
+            let worker = Arc::clone(&loader);
+            // A program that is loaded now begins with what this run leaves.
+            let _work = loader.work.lock().await;
+            let done = tokio::task::spawn_blocking(move || {
+                if let Some(file) = &worker.parameter_file {
+                    file.finished(&result);
+                }
+                worker.begin_anew(&result);
+            });
+            if let Err(error) = done.await {
+                tracing::error!("the end of a run was not followed: {error}");
+            }
+        }
+    });
+    Ok(())
+}
