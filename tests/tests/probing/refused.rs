@@ -14,6 +14,11 @@ fn a_run_begins_after_a_probe_only_where_the_program_says_where() {
     let refusal = start(program, 4).expect_err("it is refused").to_string();
     assert!(refusal.contains("Z has not been given since G38.2"), "{refusal}");
     start(program, 6).expect("Z is given");
+    // With one less, a result would be taken for that of the probe before.
+    let computes = "G21 G90\nG0 X0 Y0 Z5\nG0 X2\nG38.2 Z-30 F100\nG0 Z5\nG0 X9\nG38.2 Z-30\nG0 Z[#5063+5]\nM2\n";
+    let refusal = start(computes, 6).expect_err("it is refused").to_string();
+    assert!(refusal.contains("line 6 comes after the probe in line 4"), "{refusal}");
+    start(computes, 3).expect("both probes come after it");
     let lifted = |program: &str, line| {
         let config = EncoderConfig { approach_z_mm: Some(-1.0), ..EncoderConfig::default() };
         start_at(Arc::new(path(program)), config, (line, 0), StartInSpan::Refused).map(|_| ())

@@ -101,7 +101,11 @@ impl Memory {
     /// Remembers what of an event matters later.
     pub(super) fn remember(&mut self, event: &Event) {
         match &event.output {
-            Output::State(state) => self.state = Some((event.at, state.clone())),
+            Output::State(state) => {
+                self.state = Some((event.at, state.clone()));
+                let waits = |event: &Event| matches!(&event.output, Output::Probes(it) if it.revision == state.path_revision);
+                self.probes = self.probes.take().filter(waits);
+            }
             Output::Settings(settings) => self.settings = Some((event.at, settings.clone())),
             Output::Probes(_) => self.probes = Some(event.clone()),
             Output::Reply { id, .. } => {
@@ -109,11 +113,7 @@ impl Memory {
                     self.keep_end(event);
                 }
             }
-            Output::RunFinished(_) => {
-                self.probes = None;
-                self.keep_end(event);
-            }
-            Output::MoveFinished(_) => self.keep_end(event),
+            Output::RunFinished(_) | Output::MoveFinished(_) => self.keep_end(event),
             Output::Transmit(_)
             | Output::Progress { .. }
             | Output::ReadyToClose
