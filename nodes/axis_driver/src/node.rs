@@ -314,7 +314,10 @@ impl RemoteDriver {
                 self.progress.send_replace(Progress { line, fraction, time_left_s });
             }
             Output::Reply { id, result } => self.waiting().replies.end(id, result),
-            Output::RunFinished(result) => self.waiting().runs.end(result.id, result),
+            Output::RunFinished(result) => {
+                self.probes.send_replace(None);
+                self.waiting().runs.end(result.id, result);
+            }
             Output::Probes(found) => drop(self.probes.send_replace(Some(found))),
             Output::MoveFinished(result) => self.waiting().moves.end(result.id, result),
             Output::Settings(settings) => {
@@ -431,7 +434,7 @@ impl RemoteDriver {
         let order = Order::Replan(ReplanOrder { program_id, of, revision });
         match self.ask(order, REPLY_WITHIN).await {
             Ok(message) => {
-                paths.begin(&planned);
+                paths.go_on(&planned);
                 tracing::info!("{message}");
             }
             Err(refusal) => {

@@ -115,7 +115,7 @@ async fn start(node: Handle) -> Result<Arc<Planner>, runtime::Error> {
     })?;
     let shared = Arc::clone(&planner);
     node.service::<PlanStart, _, _>("plan_start", move |request, _| {
-        let newest = shared.state().live.newest.clone();
+        let newest = shared.state().live.newest().cloned();
         std::future::ready(restart::plan(newest.as_ref(), &request))
     })?;
     let shared = Arc::clone(&planner);
@@ -405,15 +405,15 @@ impl Planner {
                 revision,
                 program_id: current.program_id.clone(),
                 run_of: continued.as_ref().map_or(&current.program_id, |it| &it.run_of).clone(),
+                continues: continued.as_ref().map_or(0, |it| it.revision),
                 tools_revision,
                 input: input.clone(),
                 tools: tools.clone(),
                 path: Arc::new(planned.path),
             };
-            let (continues, settled) =
-                continued.map_or((0, 0), |it| (it.revision, it.path.elements.len() as u64));
-            self.state().live.newest = Some(plan.clone());
-            self.publish_path(&plan, (tools_revision, continues, settled), stamp, &mut current);
+            let settled = continued.map_or(0, |it| it.path.elements.len() as u64);
+            self.state().live.offer(plan.clone());
+            self.publish_path(&plan, settled, stamp, &mut current);
         } else {
             self.state().current = Some(current);
         }
@@ -425,15 +425,16 @@ impl Planner {
         Header { stamp: stamp.into(), frame_id: input.manifest.header.frame_id.clone() }
     }
 
-    /// Publishes a path; the numbers are those of its manifest.
+    /// Publishes a path, of which so many elements are settled.
     fn publish_path(
         &self,
         plan: &RunningPlan,
-        (tool_table_revision, continues_revision, settled_elements): (u64, u64, u64),
+        settled_elements: u64,
         stamp: RosTime,
         current: &mut Current,
     ) {
-        let RunningPlan { input, path, .. } = plan;
+        let RunningPlan { input, path, continues, tools_revision, .. } = plan;
+        let (continues_revision, tool_table_revision) = (*continues, *tools_revision);
         let path = Arc::clone(path);
         let chunks =
             PathChunks::new(current.program_id.clone(), current.revision, Arc::clone(&path));

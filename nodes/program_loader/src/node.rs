@@ -140,19 +140,28 @@ struct LoaderState {
 }
 
 /// The loaded program.
+#[derive(Clone)]
 struct Current {
     program_id: String,
-    /// What it is read from again, where it computes with the results of probes.
-    probing: Option<Probing>,
     manifest: Program,
+    contour_manifest: ProgrammedContour,
     program: Cut<ProgramChunk>,
     contour: Cut<ContourChunk>,
+    /// What it is read from again, where it computes with the results of probes.
+    probing: Option<Arc<Probing>>,
+    /// The same program without results, where it has some.
+    first: Option<Box<Current>>,
 }
 
 impl Current {
+    /// Without results of probes.
+    fn first(&self) -> &Self {
+        self.first.as_deref().unwrap_or(self)
+    }
+
     /// Whether it is this program, with results of probes or without.
     fn is_of(&self, program_id: &str) -> bool {
-        program_id == self.program_id || self.probing.as_ref().is_some_and(|it| it.id == program_id)
+        program_id == self.program_id || program_id == self.first().program_id
     }
 }
 
@@ -240,12 +249,13 @@ impl Loader {
         };
         let mut loaded = load(&text, &profile, &self.options);
         loaded.allow_tools(&request.expected_tools);
-        let probing = loaded.awaits.map(|_| Probing {
-            id: id_of(&profile, &text),
-            name: name.clone(),
-            text: Arc::new(text.clone()),
-            profile: Arc::new(profile.clone()),
-            expected_tools: request.expected_tools.clone(),
+        let probing = loaded.awaits.map(|_| {
+            Arc::new(Probing {
+                name: name.clone(),
+                text: text.clone(),
+                profile: profile.clone(),
+                expected_tools: request.expected_tools.clone(),
+            })
         });
         let (findings, finding_count) = first_findings(&loaded);
         if let Some(message) = refusal(&name, &loaded) {
@@ -271,7 +281,9 @@ impl Loader {
             ..LoadProgramResponse::default()
         };
         tracing::info!("{}", response.message);
-        self.publish(name, text, &profile, loaded, probing);
+        self.remember_left(&response.program_id, &mut loaded);
+        let current = self.current(name, text, &profile, loaded);
+        self.publish(Current { probing, ..current });
         Ok(response)
     }
 
@@ -372,23 +384,19 @@ impl Loader {
         }
     }
 
-    fn publish(
-        &self,
-        name: String,
-        text: Vec<u8>,
-        profile: &Profile,
-        loaded: Loaded,
-        probing: Option<Probing>,
-    ) {
-        let program_id = id_of(profile, &text);
-        let stamp = self.node.now();
-        let (min, max) = corners(&loaded);
-        if let Some(file) = &self.parameter_file {
-            // A run ends under the id that it has begun with.
-            file.loaded(probing.as_ref().map_or(&program_id, |it| &it.id), loaded.left);
+    /// What the run of a program leaves in the parameter file: known when all of it was read, and kept
+    /// under the id that the run begins with.
+    fn remember_left(&self, program_id: &str, loaded: &mut Loaded) {
+        if let Some(file) = self.parameter_file.as_ref().filter(|_| loaded.awaits.is_none()) {
+            file.loaded(program_id, std::mem::take(&mut loaded.left));
         }
+    }
+
+    /// What is published of a program that was read.
+    fn current(&self, name: String, text: Vec<u8>, profile: &Profile, loaded: Loaded) -> Current {
+        let program_id = id_of(profile, &text);
+        let (min, max) = corners(&loaded);
         let mut program = Program {
-            stamp: stamp.into(),
             program_id: program_id.clone(),
             name: name.clone(),
             control: profile.name.clone(),
@@ -404,18 +412,28 @@ impl Loader {
         let chunks = ContourChunks::new(program_id.clone(), loaded.contour);
         let contour = self.manifest(name, profile, &chunks, (min, max));
         let contour_cut: Cut<ContourChunk> = Arc::new(move |index| chunks.chunk(index));
-
-        self.state().current = Some(Current {
+        Current {
             program_id,
-            probing,
-            manifest: program.clone(),
-            program: Arc::clone(&program_cut),
-            contour: Arc::clone(&contour_cut),
-        });
-        self.program.publish(program);
-        self.program_topic.send(program_cut);
-        self.contour.publish(contour);
-        self.contour_topic.send(contour_cut);
+            manifest: program,
+            contour_manifest: contour,
+            program: program_cut,
+            contour: contour_cut,
+            probing: None,
+            first: None,
+        }
+    }
+
+    /// This is the program that is loaded now.
+    fn publish(&self, mut current: Current) {
+        let stamp = self.node.now();
+        current.manifest.stamp = stamp.into();
+        current.contour_manifest.header.stamp = stamp.into();
+        let Current { manifest, contour_manifest, program, contour, .. } = current.clone();
+        self.state().current = Some(current);
+        self.program.publish(manifest);
+        self.program_topic.send(program);
+        self.contour.publish(contour_manifest);
+        self.contour_topic.send(contour);
     }
 
     fn manifest(
@@ -426,7 +444,7 @@ impl Loader {
         (bounds_min, bounds_max): (Point, Point),
     ) -> ProgrammedContour {
         ProgrammedContour {
-            header: Header { stamp: self.node.now().into(), frame_id: self.frame_id.clone() },
+            header: Header { frame_id: self.frame_id.clone(), ..Header::default() },
             program_id: chunks.program_id().to_owned(),
             name,
             control: profile.name.clone(),

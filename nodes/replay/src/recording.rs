@@ -140,7 +140,7 @@ struct Gathered {
     program_chunks: Vec<wire::ProgramChunk>,
     contours: BTreeMap<String, (u64, wire::ProgrammedContour)>,
     contour_chunks: Vec<wire::ContourChunk>,
-    paths: BTreeMap<u64, wire::CompensatedPath>,
+    paths: BTreeMap<u64, (u64, wire::CompensatedPath)>,
     path_chunks: Vec<wire::PathChunk>,
     reports: BTreeMap<u64, (u64, wire::CompensationReport)>,
 }
@@ -222,7 +222,7 @@ impl Recording {
             }
             wire::CompensatedPath::TYPE_NAME => {
                 let path: wire::CompensatedPath = self.definitions.decode(message, number)?;
-                to.paths.insert(path.revision, path);
+                to.paths.insert(path.revision, (at, path));
             }
             wire::PathChunk::TYPE_NAME => {
                 to.path_chunks.push(self.definitions.decode(message, number)?)
@@ -287,8 +287,15 @@ impl Recording {
     fn put_together(&mut self, mut gathered: Gathered) -> Result<(), ReplayError> {
         use Level::{Loader, Planner};
         let missing = &mut self.missing;
-        let mut lack = |what, of: &str, levels| {
-            missing.push(Missing { what, of: of.to_owned(), levels });
+        let last_of_run = self.states.iter().rposition(|it| it.state.path_revision > 0);
+        let ended = last_of_run.and_then(|last| self.states.get(last + 1));
+        let ended_ns = ended.map(|state| state.at_ns);
+        // What is loaded when the run has ended is for the next one, and the bag may end before it is whole.
+        let is_later = |at: u64| ended_ns.is_some_and(|end| at > u64::try_from(end).unwrap_or(0));
+        let mut lack = |at: u64, what, of: &str, levels| {
+            if !is_later(at) {
+                missing.push(Missing { what, of: of.to_owned(), levels });
+            }
         };
         for (id, (log_time_ns, mut manifest)) in gathered.contours {
             let in_contour = spoilt(format!("the contour of {id}"));
@@ -296,19 +303,19 @@ impl Recording {
             let mut contour = self.definitions.sealed(contour);
             collect(&mut contour, &mut gathered.contour_chunks).map_err(&in_contour)?;
             if contour.missing().is_some() {
-                lack("a chunk of the contour", &id, &[Loader, Planner]);
+                lack(log_time_ns, "a chunk of the contour", &id, &[Loader, Planner]);
                 continue;
             }
             // The planner does not need the text.
             let mut text = Vec::new();
             match gathered.programs.remove(&id) {
-                None => lack("the program", &id, &[Loader]),
+                None => lack(log_time_ns, "the program", &id, &[Loader]),
                 Some(program) => {
                     let in_text = spoilt(format!("the text of {id}"));
                     let mut chunks = Collector::for_program(&program).map_err(&in_text)?;
                     collect(&mut chunks, &mut gathered.program_chunks).map_err(&in_text)?;
                     match chunks.missing() {
-                        Some(_) => lack("a chunk of the text", &id, &[Loader]),
+                        Some(_) => lack(log_time_ns, "a chunk of the text", &id, &[Loader]),
                         None => text = chunks.finish(&program).map_err(&in_text)?,
                     }
                 }
@@ -328,17 +335,17 @@ impl Recording {
             let path = match &mut manifest {
                 None => {
                     if report.accepted {
-                        lack("the path", &of, &[Planner]);
+                        lack(log_time_ns, "the path", &of, &[Planner]);
                     }
                     None
                 }
-                Some(manifest) => {
+                Some((_, manifest)) => {
                     let in_path = spoilt(format!("the path, {of}"));
                     let path = Collector::for_path(manifest).map_err(&in_path)?;
                     let mut path = self.definitions.sealed(path);
                     collect(&mut path, &mut gathered.path_chunks).map_err(&in_path)?;
                     if path.missing().is_some() {
-                        lack("a chunk of the path", &of, &[Planner]);
+                        lack(log_time_ns, "a chunk of the path", &of, &[Planner]);
                         None
                     } else {
                         let path = Arc::new(path.finish(manifest).map_err(&in_path)?);
@@ -350,11 +357,14 @@ impl Recording {
                     }
                 }
             };
-            self.plans.insert(revision, RecordedPlan { report, manifest, path, log_time_ns });
+            let manifest = manifest.map(|(_, manifest)| manifest);
+            if path.is_some() || !report.accepted || !is_later(log_time_ns) {
+                self.plans.insert(revision, RecordedPlan { report, manifest, path, log_time_ns });
+            }
         }
-        for (revision, manifest) in gathered.paths {
+        for (revision, (at, manifest)) in gathered.paths {
             let of = format!("revision {revision} of {}", manifest.program_id);
-            lack("the report on the plan", &of, &[Planner]);
+            lack(at, "the report on the plan", &of, &[Planner]);
         }
         Ok(())
     }

@@ -126,6 +126,10 @@ enum Stage {
     Probed {
         until: usize,
     },
+    /// Motion has ended before this block; what the controller has stored is asked first.
+    Stretch {
+        source: Source,
+    },
     /// What follows this block is being planned from what the probes have found.
     AwaitingPlan {
         source: Source,
@@ -342,7 +346,9 @@ impl ProgramRun {
                 state.mode = Mode::Home;
                 state.reason = format!("HOME: asked for in {}", self.job.line_of(*source));
             }
-            Stage::AwaitingPlan { source, .. } if state.mode == Mode::Idle => {
+            Stage::Stretch { source } | Stage::AwaitingPlan { source, .. }
+                if state.mode == Mode::Idle =>
+            {
                 state.mode = Mode::Run;
                 let line = self.job.line_of(*source);
                 state.reason =

@@ -112,7 +112,7 @@ impl Driver {
         answer: Result<String, String>,
     ) -> Answer {
         if let Phase::Running(run) = &mut self.phase {
-            run.on_program_continued(of, answer);
+            run.on_program_continued(of, answer, self.context.now);
         }
         done("heard")
     }

@@ -141,7 +141,7 @@ impl Memory {
         let state =
             state.map(|(at, state)| Event { at: *at, output: Output::State(state.clone()) });
         let probes = self.probes.iter().cloned();
-        settings.chain(probes).chain(self.ends.iter().cloned()).chain(state).collect()
+        settings.chain(self.ends.iter().cloned()).chain(probes).chain(state).collect()
     }
 }
 

@@ -5,8 +5,10 @@
 
 use super::motion_link::MotionLink;
 use crate::tool_check::objection;
+use cnc_msgs::calls::chain_after;
 use cnc_msgs::cdr;
 use cnc_msgs::chunk::Collector;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::cnc_msgs::srv::{GetPathChunks, GetPathChunksRequest};
@@ -81,8 +83,10 @@ pub(super) struct Here {
 #[derive(Debug, Default)]
 struct Newest {
     planned: Option<Planned>,
-    /// Program and revision of the newest verdict, and whether it was accepted.
-    verdict: Option<(String, u64, bool)>,
+    /// Program and revision of the newest verdict, and why it was refused.
+    verdict: Option<(String, u64, Option<String>)>,
+    /// The newest path for the rest of a run, and the revision that it goes on from.
+    rest: Option<(u64, Planned)>,
     /// The program that was loaded last, planned or not.
     program_id: Option<String>,
     /// The tool table in force, with its revision.
@@ -152,7 +156,10 @@ impl Paths {
                     let of = manifest.continues_revision;
                     match fetch(&client, &here, &manifest).await {
                         // It is for a run that stands in a hold; no run can begin with it.
-                        Ok(planned) if of > 0 => on_rest(&shared, of, planned),
+                        Ok(planned) if of > 0 => {
+                            shared.newest().rest = Some((of, planned.clone()));
+                            on_rest(&shared, of, planned);
+                        }
                         Ok(planned) => shared.take(planned),
                         Err(error) if complaints.are_due(info.publisher, Instant::now()) => {
                             tracing::error!(
@@ -172,8 +179,8 @@ impl Paths {
         node.spawn("compensation report", async move {
             loop {
                 let (report, _) = reports.next().await;
-                shared.newest().verdict =
-                    Some((report.program_id, report.revision, report.accepted));
+                let refused = (!report.accepted).then(|| why_refused(&report));
+                shared.newest().verdict = Some((report.program_id, report.revision, refused));
                 shared.arrived.notify_waiters();
             }
         });
@@ -209,8 +216,20 @@ impl Paths {
 
     /// This is the path that is run from here on.
     pub(super) fn begin(&self, planned: &Planned) {
+        let planned_tools = self.newest().planned_tools.clone();
+        self.run_with(planned, planned_tools);
+    }
+
+    /// This is the path of the rest of the run. Made with a table that is not in force any more, it is made
+    /// with that of the run.
+    pub(super) fn go_on(&self, planned: &Planned) {
+        let running_tools = self.newest().running_tools.clone();
+        self.run_with(planned, running_tools);
+    }
+
+    fn run_with(&self, planned: &Planned, otherwise: Option<ToolTable>) {
         let mut newest = self.newest();
-        newest.running_tools = newest.table_of(planned).or_else(|| newest.planned_tools.clone());
+        newest.running_tools = newest.table_of(planned).or(otherwise);
         let Some(memory) = self.node.memory() else { return };
         match &newest.running_tools {
             Some(tools) => memory.keep(KEPT_TOOLS, cdr::body(&wire::ToolTable::from(tools))),
@@ -229,6 +248,13 @@ impl Paths {
         let table = newest.table_of(planned).or_else(|| newest.planned_tools.clone());
         let tools = table.unwrap_or_default().tools.into_iter();
         tools.map(|(number, tool)| (number, tool.diameter_mm + tool.wear_diameter_mm)).collect()
+    }
+
+    /// What came for the rest of a run that goes on from this revision.
+    pub(super) fn rest(&self, of: u64, program_id: &str) -> Option<Planned> {
+        let rest = self.newest().rest.clone();
+        let is_meant = |(from, rest): &(u64, Planned)| *from == of && rest.program_id == program_id;
+        rest.filter(is_meant).map(|(_, rest)| rest)
     }
 
     fn take(&self, planned: Planned) {
@@ -275,11 +301,11 @@ impl Paths {
             ("", Some(loaded)) => loaded,
             (program_id, _) => program_id,
         };
-        if let Some((id, revision, accepted)) = &newest.verdict {
+        if let Some((id, revision, refused)) = &newest.verdict {
             let is_meant = wanted.is_empty() || wanted == id;
-            if is_meant && !accepted {
+            if let Some(why) = refused.as_ref().filter(|_| is_meant) {
                 return Err(format!(
-                    "program {id} was refused by the planner (revision {revision})"
+                    "program {id} was refused by the planner (revision {revision}): {why}"
                 ));
             }
             if let Some(planned) = &newest.planned {
@@ -295,6 +321,19 @@ impl Paths {
             }
         }
         Ok(None)
+    }
+}
+
+/// The first error of a report.
+fn why_refused(report: &wire::CompensationReport) -> String {
+    let is_error = |it: &&wire::Finding| it.severity == wire::Finding::SEVERITY_ERROR;
+    match report.findings.iter().find(is_error) {
+        Some(first) => {
+            let calls =
+                Finding::try_from(first).map(|it| chain_after(&it.calls)).unwrap_or_default();
+            format!("line {}{calls}: {}", first.line, first.message)
+        }
+        None => "its report has no finding".into(),
     }
 }
 

@@ -29,6 +29,8 @@ pub(super) struct RunningPlan {
     pub(super) program_id: String,
     /// The program that the run has begun with: with the results of probes it has another id.
     pub(super) run_of: String,
+    /// The revision that it goes on from; 0 for a whole plan.
+    pub(super) continues: u64,
     pub(super) tools_revision: u64,
     pub(super) input: Input,
     pub(super) tools: ToolTable,
@@ -38,7 +40,8 @@ pub(super) struct RunningPlan {
 /// The running path, if this node planned it.
 #[derive(Default)]
 pub(super) struct Live {
-    pub(super) newest: Option<RunningPlan>,
+    /// What a run may take next: the newest plan, and before it those that go on from the same one.
+    offered: Vec<RunningPlan>,
     running: Option<RunningPlan>,
     /// Revision of the running path, 0 if none runs.
     revision: u64,
@@ -48,6 +51,15 @@ pub(super) struct Live {
 }
 
 impl Live {
+    pub(super) fn newest(&self) -> Option<&RunningPlan> {
+        self.offered.last()
+    }
+
+    pub(super) fn offer(&mut self, plan: RunningPlan) {
+        self.offered.retain(|it| plan.continues > 0 && it.continues == plan.continues);
+        self.offered.push(plan);
+    }
+
     /// The running plan that an input goes on from: the same so far, of a program that computes with the
     /// results of its probes. The driver decides whether it takes what is planned.
     pub(super) fn continued_by(&self, input: &Input) -> Option<&RunningPlan> {
@@ -69,7 +81,7 @@ impl Live {
             plan.revision == state.path_revision && plan.run_of == state.program_id
         };
         if self.running.as_ref().filter(is_meant).is_none() {
-            self.running = self.newest.as_ref().filter(is_meant).cloned();
+            self.running = self.offered.iter().find(is_meant).cloned();
         }
     }
 }
@@ -133,10 +145,11 @@ impl Planner {
         let mut current = Current::new(program_id, revision, &plan, self.chord_error_mm);
         let input = Input { contour: Arc::new(contour), ..running.input };
         let path = Arc::new(plan.path);
-        let offered = RunningPlan { revision, input, tools, tools_revision, path, ..running };
-        self.state().live.newest = Some(offered.clone());
-        let numbers = (tools_revision, running.revision, settled);
-        self.publish_path(&offered, numbers, stamp, &mut current);
+        let continues = running.revision;
+        let offered =
+            RunningPlan { revision, continues, input, tools, tools_revision, path, ..running };
+        self.state().live.offer(offered.clone());
+        self.publish_path(&offered, settled, stamp, &mut current);
         self.publish_report(report);
         let chunks = (offered.path.elements.len() / 300 + 2) as u32;
         self.state().pause = Some(CHUNK * chunks);

@@ -153,7 +153,7 @@ pub(crate) fn of_recording(
 ) -> Result<(), ReplayError> {
     let run_of = |revision| recording.states.iter().any(|it| it.state.path_revision == revision);
     let sheets_before = page.sheets.len();
-    // Plans of one program share one log, seen on the plane of the program.
+    // Plans of one run share one log, seen on the plane of the program.
     let mut logs: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     let mut plans: Vec<(&u64, &RecordedPlan)> = recording.plans.iter().collect();
     plans.sort_by_key(|(revision, _)| !run_of(**revision));
@@ -186,7 +186,11 @@ pub(crate) fn of_recording(
         if run_of(revision) {
             let id = plan.report.program_id.as_str();
             sheet.pins.extend(alarms(recording, view, Some(id), &sheet.program));
-            sheet.run = *logs.entry(id).or_insert_with(|| page.log(recording, view));
+            // With the results of probes a program has another id; the run keeps that of the goal.
+            let mut states = recording.states.iter().map(|it| &it.state);
+            let run = states.find(|state| state.path_revision == revision);
+            let run = run.map_or(id, |state| &state.program_id);
+            sheet.run = *logs.entry(run).or_insert_with(|| page.log(recording, view));
             sheet.end = end(recording);
         }
         finish(&mut sheet);
@@ -237,7 +241,9 @@ fn alarms(recording: &Recording, view: View, program_id: Option<&str>, program: 
     let mut at = None;
     let mut ran = "";
     for RecordedState { state, .. } in &recording.states {
-        if state.path_revision > 0 {
+        if let Some(plan) = recording.plans.get(&state.path_revision) {
+            ran = &plan.report.program_id;
+        } else if state.path_revision > 0 {
             ran = &state.program_id;
         }
         // Without contact, the last reported position counts.

@@ -3,7 +3,7 @@
 //! When the run has come so far, the driver asks for the text to be read again with the results at its end.
 //! When the run has ended, the program is again what it was: the next run has results of its own.
 
-use super::{Loader, Refusal, id_of, refusal, refuse};
+use super::{Current, Loader, Refusal, id_of, refusal, refuse};
 use crate::load;
 use crate::probe_results::with_results;
 use cnc_msgs::convert::WireError;
@@ -19,64 +19,62 @@ use runtime::{Handle, NodeError, Qos};
 use std::sync::Arc;
 
 /// A program that is read again from here.
-#[derive(Clone)]
 pub(super) struct Probing {
-    /// Without results.
-    pub(super) id: String,
     pub(super) name: String,
-    pub(super) text: Arc<Vec<u8>>,
-    pub(super) profile: Arc<Profile>,
+    /// Without results.
+    pub(super) text: Vec<u8>,
+    pub(super) profile: Profile,
     pub(super) expected_tools: Vec<u32>,
 }
 
 impl Loader {
-    /// The program that is loaded, with its present id, if it computes with results.
-    fn probing(&self) -> Option<(String, Probing)> {
-        let state = self.state();
-        let current = state.current.as_ref()?;
-        Some((current.program_id.clone(), current.probing.clone()?))
-    }
-
-    /// Reads the program of a run on, with what its probes have found.
+    /// Reads the program of a run on, with what its probes have found. Asked again with the same results it
+    /// answers the same, and does nothing.
     fn continue_program(&self, request: &ContinueProgramRequest) -> Result<String, Refusal> {
         type W = ContinueProgramResponse;
         self.node.require_active().or_else(|why| refuse(W::NOT_ACTIVE, why))?;
-        let Some((_, probing)) = self.probing().filter(|(_, it)| it.id == request.program_id)
-        else {
+        let Some(current) = self.state().current.clone() else {
+            let why = "no program is loaded: the loader was restarted since the run began";
+            return refuse(W::UNKNOWN_PROGRAM, why);
+        };
+        let first = current.first();
+        let is_meant = |_: &&Arc<Probing>| first.program_id == request.program_id;
+        let Some(probing) = first.probing.as_ref().filter(is_meant) else {
             return refuse(W::UNKNOWN_PROGRAM, "another program was loaded since the run began");
         };
+        let Probing { name, text, profile, expected_tools } = &**probing;
         let results: Result<Vec<ProbeResult>, WireError> =
             request.results.iter().map(TryInto::try_into).collect();
         let results = results.or_else(|error| refuse(W::PROGRAM_REFUSED, error))?;
-        let id = self.read_again(probing, &results);
-        id.or_else(|message| refuse(W::PROGRAM_REFUSED, message))
+        let text = with_results(text, &results);
+        let id = id_of(profile, &text);
+        if id == current.program_id {
+            return Ok(id);
+        }
+        let mut loaded = load(&text, profile, &self.options);
+        loaded.allow_tools(expected_tools);
+        if let Some(message) = refusal(name, &loaded) {
+            return refuse(W::PROGRAM_REFUSED, message);
+        }
+        tracing::info!("{name} is read again with {} results of probes", results.len());
+        self.remember_left(&first.program_id, &mut loaded);
+        let read = self.current(name.clone(), text, profile, loaded);
+        self.publish(Current { first: Some(Box::new(first.clone())), ..read });
+        Ok(id)
     }
 
     /// A run has ended: the next one probes anew.
     fn begin_anew(&self, result: &RunResult) {
-        let is_meant = |(id, probing): &(String, Probing)| {
-            probing.id == result.program_id && *id != probing.id
-        };
-        if let Some((_, probing)) = self.probing().filter(is_meant)
-            && let Err(why) = self.read_again(probing, &[])
-        {
-            tracing::error!("the program was not read anew after its run: {why}");
+        let current = self.state().current.clone();
+        let is_other = |it: &Current| it.program_id != result.program_id;
+        match current {
+            Some(Current { first: Some(first), .. }) if !is_other(&first) => self.publish(*first),
+            // Loaded during that run, it may have been taken for what the run goes on with.
+            Some(current) if current.probing.is_some() && is_other(&current) => {
+                self.publish(current);
+            }
+            _ => {}
         }
-    }
-
-    /// Returns the id of the text with these results.
-    fn read_again(&self, probing: Probing, results: &[ProbeResult]) -> Result<String, String> {
-        let Probing { name, text, profile, expected_tools, .. } = probing.clone();
-        let text = with_results(&text, results);
-        let mut loaded = load(&text, &profile, &self.options);
-        loaded.allow_tools(&expected_tools);
-        if let Some(message) = refusal(&name, &loaded) {
-            return Err(message);
-        }
-        tracing::info!("{name} is read again with {} results of probes", results.len());
-        let id = id_of(&profile, &text);
-        self.publish(name, text, &profile, loaded, Some(probing));
-        Ok(id)
     }
 }
 

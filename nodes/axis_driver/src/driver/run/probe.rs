@@ -21,6 +21,7 @@ use cnc_msgs::contour::{Probe, Source};
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::path::UnknownAxes;
 use cnc_msgs::probing::ProbeResult;
+use std::time::Duration;
 
 /// How far beyond the place where it has touched a probe may stop without a warning, mm.
 const BEYOND_MM: f64 = 0.02;
@@ -199,8 +200,16 @@ impl ProgramRun {
         }
     }
 
-    /// All motion has ended: says what the probes have found, and waits for the rest of the path.
-    pub(super) fn await_plan(&mut self, context: &mut Context, source: Source) {
+    /// All motion has ended. What follows is judged by what the controller has stored: the program may
+    /// have set it.
+    pub(super) fn begin_stretch(&mut self, context: &mut Context, source: Source) {
+        self.stage = Stage::Stretch { source };
+        context.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::Offsets);
+    }
+
+    /// Says what the probes have found, and waits for the rest of the path.
+    pub(super) fn await_plan(&mut self, context: &mut Context) {
+        let Stage::Stretch { source } = self.stage else { return };
         let until = context.now + PLANNED;
         let (program_id, refused) = (None, None);
         self.stage = Stage::AwaitingPlan { source, until, program_id, refused };
@@ -218,12 +227,13 @@ impl ProgramRun {
         &mut self,
         of: u64,
         answer: Result<String, String>,
+        now: Duration,
     ) {
-        if let Stage::AwaitingPlan { program_id, refused, .. } = &mut self.stage
+        if let Stage::AwaitingPlan { until, program_id, refused, .. } = &mut self.stage
             && of == self.job.request.revision
         {
             match answer {
-                Ok(id) => *program_id = Some(id),
+                Ok(id) => (*program_id, *until) = (Some(id), now + PLANNED),
                 Err(why) => *refused = Some(why),
             }
         }

@@ -74,11 +74,12 @@ impl ProgramRun {
                 *until = now + PLANNED;
                 None
             }
-            Stage::AwaitingPlan { source, until, refused, .. }
+            Stage::AwaitingPlan { source, until, program_id, refused }
                 if refused.is_some() || now >= *until =>
             {
-                let nobody = || format!("nobody has answered within {} s", PLANNED.as_secs());
-                let (source, why) = (*source, refused.take().unwrap_or_else(nobody));
+                let node = if program_id.is_some() { "planner" } else { "loader" };
+                let late = || format!("the {node} has not answered within {} s", PLANNED.as_secs());
+                let (source, why) = (*source, refused.take().unwrap_or_else(late));
                 Some(self.end_without_plan(source, &why))
             }
             _ => None,
@@ -178,6 +179,10 @@ impl ProgramRun {
             (Origin::Offsets, Stage::Probing(_)) => return self.end_probe(context),
             (Origin::Offsets, Stage::Probed { .. }) => {
                 self.judge_from_probe(context);
+                return None;
+            }
+            (Origin::Offsets, Stage::Stretch { .. }) => {
+                self.await_plan(context);
                 return None;
             }
             _ => {}
@@ -328,7 +333,7 @@ impl ProgramRun {
             Then::BlockEnd(block) => self.stage = Stage::BlockEnd(block),
             Then::Probe { line, probe } => self.begin_probe(context, line, probe),
             Then::Probed(probing) => return self.after_probe(context, &probing),
-            Then::Stretch { source } => self.await_plan(context, source),
+            Then::Stretch { source } => self.begin_stretch(context, source),
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
             Then::Home { text, axes, source } => {
                 let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;

@@ -114,10 +114,7 @@ impl ProgramRun {
         let limits = context.machine.limits_for_time();
         let time = CycleTime::new(&limits, &request.path, first, None);
         let workplace = match is_stretch {
-            true => {
-                let part = (first, request.path.elements.len());
-                WorkplaceCheck::begin_after_probe(context, &run, part, self.judged_by)
-            }
+            true => WorkplaceCheck::begin_stretch(context, &run, first, self.judged_by),
             false => WorkplaceCheck::begin_rest(context, &run, first, self.judged_by),
         };
         let proof = Proof::new(encoder.clone(), time, workplace);
@@ -187,11 +184,14 @@ impl Replan {
     fn stands(&self, machine: &Machine) -> Result<(), Refusal> {
         let Some(at) = machine.work_position() else { return Err(no_longer_stands()) };
         let start = self.request.path.start_of(self.encoder.next_element());
+        let steps_per_mm = machine.limits_for_time().steps_per_mm;
         // New axes that the path relies on have not moved since the run began.
         let axes = self.encoder.known_axes().union(self.new_assumed);
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
             let off = (at[axis] - start[axis]).abs();
-            if off > RETURN_TOLERANCE_MM {
+            // It stands on a step, and says so to a micrometre.
+            let half_a_step = 0.5 / steps_per_mm[axis];
+            if off > RETURN_TOLERANCE_MM + half_a_step {
                 let letter = AXIS_LETTERS[axis];
                 let text = format!("{letter} is {off:.3} mm from where what follows begins");
                 return Err(Refusal::new(error_code::START_POSITION, text));

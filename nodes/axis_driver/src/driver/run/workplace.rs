@@ -91,6 +91,17 @@ impl WorkplaceCheck {
         (first_element, until): (usize, usize),
         began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
+        let check = Self::begin_stretch(context, request, first_element, began_with)?;
+        Some(Self { until, is_after_probe: true, ..check })
+    }
+
+    /// The same for what was planned from the result of a probe: the tool is where it stands.
+    pub(in crate::driver) fn begin_stretch(
+        context: &mut Context,
+        request: &RunRequest,
+        first_element: usize,
+        began_with: Option<StoredOffsets>,
+    ) -> Option<Self> {
         let Some(here) = context.machine.machine_position() else {
             let text =
                 "not checked: what follows the probe, since the place of the tool is not known";
@@ -99,7 +110,6 @@ impl WorkplaceCheck {
         };
         let mut check = Self::begin(context, request, first_element, began_with)?;
         check.envelope.go_on_with(&request.path, &check.offsets, Some(here));
-        (check.until, check.is_after_probe) = (until, true);
         Some(check)
     }
 

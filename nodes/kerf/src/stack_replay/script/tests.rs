@@ -188,6 +188,16 @@ fn a_tool_was_set_before_the_rest_was_planned_with_it() {
         assert_eq!(before_its_rest(&events, after, answered), before, "{after} {answered}");
     }
     assert_eq!(before_its_rest(&[], 0, 3), (3, 0));
+    // What was planned from the result of a probe has nothing to do with a tool; a rest of it does.
+    let answer = Ok("part".to_owned());
+    let events = [
+        event(1, Happened::Asked(Command::ProgramContinued { of: 1, answer })),
+        event(2, rest(1)),
+        event(3, Happened::Asked(Command::FeedHold)),
+        event(4, rest(2)),
+    ];
+    assert_eq!(before_its_rest(&events, 0, 2), (2, 2));
+    assert_eq!(before_its_rest(&events, 0, 5), (4, 3));
 }
 
 #[test]
