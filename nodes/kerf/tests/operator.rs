@@ -155,6 +155,15 @@ fn a_program_that_computes_with_its_probe_runs_in_stretches_and_probes_anew_each
         "line 4, pass 2 of the loop in line 2: what follows was not planned from the result of the probe",
         "line 6: a division by zero",
     ]);
+    machine.kerf(&["jog", "Z0", "--from", "work"]).expect(0);
+    // And what the planner finds.
+    let slot = "G21 G90 G94 F600\nG38.2 Z-30\n#1=[0-#5063]\nG0 Z5\nG41.1 D#1 G1 X30 Y0\nX40\nY4\nX30\nY0\nG40 Y-30\nM2\n";
+    machine.folder.file("slot.ngc", slot);
+    machine.kerf(&["load", "slot.ngc"]).expect(0);
+    machine
+        .kerf(&["run"])
+        .expect(4)
+        .says(&["was refused by the planner", ": line 5: the tool (radius 6.000 mm"]);
     // So does a program that is loaded meanwhile.
     machine.kerf(&["jog", "Z0", "--from", "work"]).expect(0);
     machine.folder.file("other.ngc", "G21 G90\nG0 X1\nM2\n");

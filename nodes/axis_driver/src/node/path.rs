@@ -106,6 +106,22 @@ impl Newest {
         self.tool_table = Some((revision, table));
     }
 
+    fn take(&mut self, planned: Planned) {
+        self.planned_tools = self.table_of(&planned);
+        self.planned = Some(planned);
+    }
+
+    fn begin(&mut self, planned: &Planned) {
+        self.running_tools = self.table_of(planned).or_else(|| self.planned_tools.clone());
+    }
+
+    /// A rest that was made with a table which is not in force was made with that of its run.
+    fn go_on(&mut self, planned: &Planned) {
+        if let Some(table) = self.table_of(planned) {
+            self.running_tools = Some(table);
+        }
+    }
+
     /// The table that a path was made with, if it is the one in force.
     fn table_of(&self, planned: &Planned) -> Option<ToolTable> {
         let (revision, table) = self.tool_table.as_ref()?;
@@ -216,20 +232,20 @@ impl Paths {
 
     /// This is the path that is run from here on.
     pub(super) fn begin(&self, planned: &Planned) {
-        let planned_tools = self.newest().planned_tools.clone();
-        self.run_with(planned, planned_tools);
-    }
-
-    /// This is the path of the rest of the run. Made with a table that is not in force any more, it is made
-    /// with that of the run.
-    pub(super) fn go_on(&self, planned: &Planned) {
-        let running_tools = self.newest().running_tools.clone();
-        self.run_with(planned, running_tools);
-    }
-
-    fn run_with(&self, planned: &Planned, otherwise: Option<ToolTable>) {
         let mut newest = self.newest();
-        newest.running_tools = newest.table_of(planned).or(otherwise);
+        newest.begin(planned);
+        self.keep(&newest);
+    }
+
+    /// This is the path of the rest of the run.
+    pub(super) fn go_on(&self, planned: &Planned) {
+        let mut newest = self.newest();
+        newest.go_on(planned);
+        self.keep(&newest);
+    }
+
+    /// Keeps the tools of the run for the face after this one.
+    fn keep(&self, newest: &Newest) {
         let Some(memory) = self.node.memory() else { return };
         match &newest.running_tools {
             Some(tools) => memory.keep(KEPT_TOOLS, cdr::body(&wire::ToolTable::from(tools))),
@@ -264,10 +280,7 @@ impl Paths {
             planned.revision,
             planned.element_count
         );
-        let mut newest = self.newest();
-        newest.planned_tools = newest.table_of(&planned);
-        newest.planned = Some(planned);
-        drop(newest);
+        self.newest().take(planned);
         self.arrived.notify_waiters();
     }
 
@@ -393,6 +406,29 @@ mod tests {
         assert_eq!(says(&newest, 0, true), "taken", "an empty spindle is in no table");
         // A run needs the table that its path was made with.
         assert!(says(&newest, 2, false).contains("cancel and run again"));
+    }
+
+    #[test]
+    fn after_a_stretch_a_tool_is_compared_with_what_the_run_has_begun_with() {
+        let plan = |program_id: &str, revision, tool_table_revision| Planned {
+            program_id: program_id.into(),
+            revision,
+            tool_table_revision,
+            element_count: 1,
+        };
+        let mut newest = Newest::default();
+        newest.on_tool_table(1, table(2, 8.0));
+        newest.take(plan("part", 1, 1));
+        newest.begin(&plan("part", 1, 1));
+        // The tool is set while the run goes on, and the whole program is planned with it for the next run.
+        newest.on_tool_table(2, table(2, 7.9));
+        newest.take(plan("part", 2, 2));
+        newest.go_on(&plan("part with results", 3, 1));
+        let refused = newest.objection(2, false).expect("the path was made with another tool");
+        assert!(refused.contains("diameter 8.0000 mm, now 7.9000 mm"), "{refused}");
+        // A rest that was planned with it may be cut with it.
+        newest.go_on(&plan("part with results", 4, 2));
+        assert_eq!(newest.objection(2, false), None);
     }
 
     #[test]

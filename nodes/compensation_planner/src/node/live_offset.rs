@@ -163,3 +163,68 @@ impl Planner {
         keeps("the driver did not accept the rest of the path")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::contour::Source;
+    use cnc_msgs::geometry::AxisSet;
+    use cnc_msgs::wire::cnc_msgs::msg::ProgrammedContour as Manifest;
+
+    fn action(line: u32, action: Action) -> ContourEvent {
+        let source = Source { line, ..Source::default() };
+        ContourEvent { source, kind: ContourEventKind::Action(action) }
+    }
+
+    fn input(program_id: &str, events: Vec<ContourEvent>) -> Input {
+        let contour = cnc_msgs::contour::ProgrammedContour { events, ..Default::default() };
+        let manifest = Manifest { program_id: program_id.into(), ..Manifest::default() };
+        let contour = Arc::new(contour);
+        let profile = Arc::new(settings::load_profile("rs274").expect("a profile of ours"));
+        Input { manifest, contour, profile, too_long: None }
+    }
+
+    fn plan(revision: u64, continues: u64, input: &Input) -> RunningPlan {
+        RunningPlan {
+            revision,
+            program_id: input.manifest.program_id.clone(),
+            run_of: "part".into(),
+            continues,
+            tools_revision: 1,
+            input: input.clone(),
+            tools: ToolTable::default(),
+            path: Arc::default(),
+        }
+    }
+
+    #[test]
+    fn a_run_takes_any_plan_that_goes_on_from_its_own() {
+        let stretch = |line| action(line, Action::Stretch { axes: AxisSet::NONE });
+        let dwell = action(5, Action::Dwell { seconds: 1.0 });
+        let first = input("part", vec![stretch(4)]);
+        let second = input("part with one result", vec![stretch(4), dwell, stretch(6)]);
+        let third = input("part with two", vec![stretch(4), dwell, stretch(6), dwell]);
+        let mut live = Live::default();
+        let runs = |live: &mut Live, path_revision| {
+            let program_id = "part".to_owned();
+            live.update(&MachineState { path_revision, program_id, ..MachineState::default() });
+        };
+        live.offer(plan(1, 0, &first));
+        assert!(live.continued_by(&second).is_none(), "nothing runs");
+        runs(&mut live, 1);
+        assert_eq!(live.continued_by(&second).map(|it| it.revision), Some(1));
+        assert!(live.continued_by(&first).is_none(), "it is the program that runs");
+        assert!(live.continued_by(&input("other", vec![stretch(3), dwell])).is_none());
+        // Planned twice before the driver has taken the first.
+        live.offer(plan(2, 1, &second));
+        live.offer(plan(3, 1, &second));
+        runs(&mut live, 2);
+        assert_eq!(live.continued_by(&third).map(|it| it.revision), Some(2));
+        live.offer(plan(4, 2, &third));
+        assert_eq!(live.offered.len(), 1, "no plan is kept that cannot be taken");
+        runs(&mut live, 4);
+        assert!(live.continued_by(&third).is_none(), "it is the last");
+        runs(&mut live, 0);
+        assert!(live.continued_by(&second).is_none(), "nothing runs");
+    }
+}

@@ -227,6 +227,36 @@ fn a_record_that_stops_in_mid_run_is_refused_whatever_it_says_of_itself() {
     }
 }
 
+#[test]
+fn a_bag_may_end_in_the_middle_of_what_is_loaded_after_its_run() {
+    let mut whole = TestBag::golden("rs274_stretches");
+    let mut revisions = Vec::new();
+    whole.change(|path: &mut wire::CompensatedPath| {
+        revisions.push(path.revision);
+        true
+    });
+    let (Some(&first), Some(&last)) = (revisions.first(), revisions.last()) else {
+        panic!("a golden bag has paths");
+    };
+    // When a run with stretches has ended, the program is published without results again.
+    for (revision, status) in [(last, 0), (last - 1, 2), (first, 2)] {
+        type Cut = fn(&mut TestBag, u64);
+        let cuts: [Cut; 3] = [
+            |bag, cut| bag.change(|it: &mut wire::PathChunk| it.revision != cut),
+            |bag, cut| bag.change(|it: &mut wire::CompensationReport| it.revision != cut),
+            |bag, cut| bag.change(|it: &mut wire::CompensatedPath| it.revision != cut),
+        ];
+        for cut in cuts {
+            let mut bag = whole.clone();
+            cut(&mut bag, revision);
+            let place = Folder::new();
+            let path = place.path().join("bag");
+            bag.write(&path, Form::OURS);
+            replay(&path, &[]).expect(status);
+        }
+    }
+}
+
 /// Messages of a type that are left in a bag: those that `keeps` is true for, with their place.
 fn thin<M: cnc_msgs::interface::Message>(bag: &mut TestBag, keeps: impl Fn(usize, &M) -> bool) {
     let mut index = 0;
