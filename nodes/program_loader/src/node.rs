@@ -159,9 +159,9 @@ impl Current {
         self.first.as_deref().unwrap_or(self)
     }
 
-    /// Whether it is this program, with results of probes or without.
-    fn is_of(&self, program_id: &str) -> bool {
-        program_id == self.program_id || program_id == self.first().program_id
+    /// This program, or the same without results of probes.
+    fn named(&self, program_id: &str) -> Option<&Self> {
+        [self, self.first()].into_iter().find(|it| it.program_id == program_id)
     }
 }
 

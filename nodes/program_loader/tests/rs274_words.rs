@@ -297,7 +297,7 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
             "G43 H1\nG43 H2\nG91 G0 Z1\nM2",
             &[(
                 "G91 G0 Z1",
-                "this move starts from where Z is, which is not known since G43 in line 2",
+                "this block starts from where Z is, which is not known since G43 in line 2",
             )],
         ),
         (
@@ -447,7 +447,7 @@ fn polar_words_stand_for_x_and_y() {
             "G28\nG0 ^5\nM2",
             &[(
                 "G0 ^5",
-                "this move starts from where XY are, which is not known since G28 in line 1",
+                "this block starts from where X and Y are, which is not known since G28 in line 1",
             )],
         ),
         ("G0 X0 Y0\nG0 @5\nM2", &[("@5", "@5 at the zero, where there is no angle")]),

@@ -201,7 +201,7 @@ fn the_message_about_an_unknown_axis_names_it_and_the_line_that_lost_it() {
     let found = &loaded.findings[0];
     assert_eq!(
         found.message,
-        "this move starts from where Z is, which is not known since G28 in line 2"
+        "this block starts from where Z is, which is not known since G28 in line 2"
     );
     assert_eq!(found.other.map(|other| other.line), Some(2));
 }

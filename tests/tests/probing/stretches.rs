@@ -59,6 +59,8 @@ fn each_probe_of_a_loop_is_waited_for() {
     let (result, waited) = run(&mut line, program);
     assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
     assert_eq!(waited, [5, 5, 5]);
+    let not_checked = line.log.iter().filter(|it| it.contains("not checked")).count();
+    assert_eq!(not_checked, 1, "it is said once: {:#?}", line.log);
     assert!(near(&line, [-270.0, -200.0, -62.0]), "{:?}", line.axes());
     assert!(!has_said(&line, "PATH_DEVIATION"), "{:#?}", line.log);
 }

@@ -12,7 +12,7 @@ use super::context::ros_loss::RosLoss;
 use super::{Driver, DriverConfig, Phase};
 use crate::link::{Link, LinkAtRest};
 use serde::{Deserialize, Serialize};
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 /// The state of a driver at rest.
@@ -107,6 +107,8 @@ impl Driver {
             commander_seen,
             ros_loss,
             is_single_block,
+            // A run clears it when it begins.
+            not_checked: BTreeSet::new(),
             outputs: VecDeque::new(),
         };
         let mut driver = Self {

@@ -27,7 +27,7 @@ use hold::HoldWatch;
 use machine::Machine;
 use overrides::OverrideWatch;
 use ros_loss::RosLoss;
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 /// Where a line that is under way comes from.
@@ -72,6 +72,8 @@ pub(super) struct Context {
     pub(super) ros_loss: Option<RosLoss>,
     /// The machine stops after every block and waits for a resume.
     pub(super) is_single_block: bool,
+    /// What cannot be checked of the run, as it was said.
+    pub(super) not_checked: BTreeSet<String>,
     /// What the process around the driver has not taken yet.
     pub(super) outputs: VecDeque<Output>,
 }
@@ -88,6 +90,7 @@ impl Context {
             commander_seen: None,
             ros_loss: None,
             is_single_block: false,
+            not_checked: BTreeSet::new(),
             outputs: VecDeque::new(),
         }
     }
@@ -98,6 +101,13 @@ impl Context {
 
     pub(super) fn log(&mut self, level: LogLevel, message: impl Into<String>) {
         self.outputs.push_back(Output::Log { level, message: message.into() });
+    }
+
+    /// Says once in a run what cannot be checked of it, although it is judged in several parts.
+    pub(super) fn log_not_checked(&mut self, level: LogLevel, message: String) {
+        if self.not_checked.insert(message.clone()) {
+            self.log(level, message);
+        }
     }
 
     /// Gives what the controller reported about itself.

@@ -346,20 +346,16 @@ impl Interpreter<'_> {
     fn report_unknown_axes(&mut self, scene: &mut Scene<'_>, unknown: AxisSet) {
         let axis = (0..3).find(|&axis| unknown.contains(axis)).unwrap_or(0);
         let Cause { source, word } = self.axes.cause(axis);
-        let letters = unknown.letters();
+        let letters: Vec<String> = unknown.letters().chars().map(String::from).collect();
+        let (named, zeroed) = (letters.join(" and "), letters.join("0 "));
         let verb = if letters.len() == 1 { "is" } else { "are" };
         let message = format!(
-            "this move starts from where {letters} {verb}, which is not known since {word} in line {}",
+            "this block starts from where {named} {verb}, which is not known since {word} in line {}",
             source.line
         );
-        let named: Vec<String> = (0..3)
-            .filter(|&axis| unknown.contains(axis))
-            .map(|axis| AXIS_LETTERS[axis].to_string())
-            .collect();
-        let named = named.join(" and ");
         let help = match word.starts_with("G38") {
             true => format!(
-                "move {named} with G90 and G0 or G1 before it; to count from where the probe touched, write G10 L20 P0 {named}0 after the probe"
+                "move {named} with G90 and G0 or G1 before it; to count from where the probe touched, write G10 L20 P0 {zeroed}0 after the probe"
             ),
             false => format!("move {named} with G90 and G0 or G1 before it"),
         };

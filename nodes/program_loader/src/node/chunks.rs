@@ -67,17 +67,17 @@ impl Loader {
     ) -> Result<Vec<C>, Refusal> {
         type W = GetContourChunksResponse;
         let state = self.state();
-        let current = match &state.current {
-            Some(current) if wanted.is_empty() || current.is_of(wanted) => current,
-            Some(current) => {
-                return refuse(
-                    W::UNKNOWN_PROGRAM,
-                    format_args!("program {wanted} is not loaded; {} is", current.program_id),
-                );
-            }
-            None => return refuse(W::UNKNOWN_PROGRAM, "no program is loaded"),
+        let Some(current) = &state.current else {
+            return refuse(W::UNKNOWN_PROGRAM, "no program is loaded");
         };
-        let cut = Arc::clone(cut(current));
+        let named = if wanted.is_empty() { Some(current) } else { current.named(wanted) };
+        let Some(named) = named else {
+            return refuse(
+                W::UNKNOWN_PROGRAM,
+                format_args!("program {wanted} is not loaded; {} is", current.program_id),
+            );
+        };
+        let cut = Arc::clone(cut(named));
         drop(state);
         let chunks = page(first, &cut);
         if chunks.is_empty() {

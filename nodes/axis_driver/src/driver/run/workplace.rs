@@ -25,8 +25,6 @@ pub(in crate::driver) struct WorkplaceCheck {
     /// Elements that were judged in slices, and how many are to be.
     judged: usize,
     until: usize,
-    /// What cannot be judged was said before the run.
-    is_after_probe: bool,
 }
 
 /// Elements that are judged in one go, where nothing else is done with them.
@@ -56,7 +54,8 @@ impl WorkplaceCheck {
                     true => "the travel was",
                     false => "travel and keep-out boxes were",
                 };
-                context.log(LogLevel::Warn, format!("{what} not checked: {because}"));
+                let text = format!("{what} not checked: {because}");
+                context.log_not_checked(LogLevel::Warn, text);
                 return None;
             }
         };
@@ -69,7 +68,7 @@ impl WorkplaceCheck {
         limits.offsets = began_with.unwrap_or(offsets);
         let envelope = Envelope::new(&limits, &request.path, first_element, workplace);
         let until = request.path.elements.len();
-        Some(Self { envelope, offsets, check_travel, judged: 0, until, is_after_probe: false })
+        Some(Self { envelope, offsets, check_travel, judged: 0, until })
     }
 
     /// The same for the rest of a run that is under way: the path has set offsets before it.
@@ -92,7 +91,7 @@ impl WorkplaceCheck {
         began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
         let check = Self::begin_stretch(context, request, first_element, began_with)?;
-        Some(Self { until, is_after_probe: true, ..check })
+        Some(Self { until, ..check })
     }
 
     /// The same for what was planned from the result of a probe: the tool is where it stands.
@@ -105,7 +104,7 @@ impl WorkplaceCheck {
         let Some(here) = context.machine.machine_position() else {
             let text =
                 "not checked: what follows the probe, since the place of the tool is not known";
-            context.log(LogLevel::Warn, text);
+            context.log_not_checked(LogLevel::Warn, text.into());
             return None;
         };
         let mut check = Self::begin(context, request, first_element, began_with)?;
@@ -144,8 +143,8 @@ impl WorkplaceCheck {
             true => LogLevel::Info,
             false => LogLevel::Warn,
         };
-        for what in report.not_judged.iter().filter(|_| !self.is_after_probe) {
-            context.log(level, format!("not checked: {what}"));
+        for what in report.not_judged {
+            context.log_not_checked(level, format!("not checked: {what}"));
         }
         let first = errors.first()?;
         let code = match first.code {
