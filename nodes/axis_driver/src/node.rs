@@ -307,6 +307,9 @@ impl RemoteDriver {
         let stamp = self.node.now().before(self.motion.age(event.at));
         match event.output {
             Output::State(state) => {
+                if state.path_revision == 0 {
+                    self.probes.send_if_modified(|waits| waits.take().is_some());
+                }
                 viewers.publish(stamp, &state);
                 self.state.send_replace(state);
             }
@@ -314,10 +317,7 @@ impl RemoteDriver {
                 self.progress.send_replace(Progress { line, fraction, time_left_s });
             }
             Output::Reply { id, result } => self.waiting().replies.end(id, result),
-            Output::RunFinished(result) => {
-                self.probes.send_replace(None);
-                self.waiting().runs.end(result.id, result);
-            }
+            Output::RunFinished(result) => self.waiting().runs.end(result.id, result),
             Output::Probes(found) => drop(self.probes.send_replace(Some(found))),
             Output::MoveFinished(result) => self.waiting().moves.end(result.id, result),
             Output::Settings(settings) => {

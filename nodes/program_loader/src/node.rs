@@ -444,7 +444,7 @@ impl Loader {
         (bounds_min, bounds_max): (Point, Point),
     ) -> ProgrammedContour {
         ProgrammedContour {
-            header: Header { frame_id: self.frame_id.clone(), ..Header::default() },
+            header: Header { stamp: self.node.now().into(), frame_id: self.frame_id.clone() },
             program_id: chunks.program_id().to_owned(),
             name,
             control: profile.name.clone(),

@@ -18,7 +18,7 @@ use cnc_msgs::wire::cnc_msgs::msg as wire;
 use run_recorder::bag_reader::{Bag, BagMessage, LATE, Problem, RUN_RECORD};
 use run_recorder::info::RunEnd;
 use runtime::RosTime;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -287,35 +287,34 @@ impl Recording {
     fn put_together(&mut self, mut gathered: Gathered) -> Result<(), ReplayError> {
         use Level::{Loader, Planner};
         let missing = &mut self.missing;
-        let last_of_run = self.states.iter().rposition(|it| it.state.path_revision > 0);
-        let ended = last_of_run.and_then(|last| self.states.get(last + 1));
-        let ended_ns = ended.map(|state| state.at_ns);
-        // What is loaded when the run has ended is for the next one, and the bag may end before it is whole.
-        let is_later = |at: u64| ended_ns.is_some_and(|end| at > u64::try_from(end).unwrap_or(0));
-        let mut lack = |at: u64, what, of: &str, levels| {
-            if !is_later(at) {
-                missing.push(Missing { what, of: of.to_owned(), levels });
-            }
+        let after = AfterRun::of(&self.states, &gathered.reports);
+        let mut lack = |what, of: &str, levels| {
+            missing.push(Missing { what, of: of.to_owned(), levels });
         };
         for (id, (log_time_ns, mut manifest)) in gathered.contours {
             let in_contour = spoilt(format!("the contour of {id}"));
             let contour = Collector::for_contour(&manifest).map_err(&in_contour)?;
             let mut contour = self.definitions.sealed(contour);
             collect(&mut contour, &mut gathered.contour_chunks).map_err(&in_contour)?;
+            let is_later = after.has_program(&id, log_time_ns);
             if contour.missing().is_some() {
-                lack(log_time_ns, "a chunk of the contour", &id, &[Loader, Planner]);
+                if !is_later {
+                    lack("a chunk of the contour", &id, &[Loader, Planner]);
+                }
                 continue;
             }
             // The planner does not need the text.
             let mut text = Vec::new();
             match gathered.programs.remove(&id) {
-                None => lack(log_time_ns, "the program", &id, &[Loader]),
+                None if is_later => continue,
+                None => lack("the program", &id, &[Loader]),
                 Some(program) => {
                     let in_text = spoilt(format!("the text of {id}"));
                     let mut chunks = Collector::for_program(&program).map_err(&in_text)?;
                     collect(&mut chunks, &mut gathered.program_chunks).map_err(&in_text)?;
                     match chunks.missing() {
-                        Some(_) => lack(log_time_ns, "a chunk of the text", &id, &[Loader]),
+                        Some(_) if is_later => continue,
+                        Some(_) => lack("a chunk of the text", &id, &[Loader]),
                         None => text = chunks.finish(&program).map_err(&in_text)?,
                     }
                 }
@@ -331,11 +330,13 @@ impl Recording {
         }
         for (revision, (log_time_ns, report)) in gathered.reports {
             let mut manifest = gathered.paths.remove(&revision);
+            let began_ns = manifest.as_ref().map_or(log_time_ns, |(at, _)| *at);
+            let is_later = after.has_plan(revision, began_ns);
             let of = format!("revision {revision} of {}", report.program_id);
             let path = match &mut manifest {
                 None => {
-                    if report.accepted {
-                        lack(log_time_ns, "the path", &of, &[Planner]);
+                    if report.accepted && !is_later {
+                        lack("the path", &of, &[Planner]);
                     }
                     None
                 }
@@ -345,7 +346,9 @@ impl Recording {
                     let mut path = self.definitions.sealed(path);
                     collect(&mut path, &mut gathered.path_chunks).map_err(&in_path)?;
                     if path.missing().is_some() {
-                        lack(log_time_ns, "a chunk of the path", &of, &[Planner]);
+                        if !is_later {
+                            lack("a chunk of the path", &of, &[Planner]);
+                        }
                         None
                     } else {
                         let path = Arc::new(path.finish(manifest).map_err(&in_path)?);
@@ -358,15 +361,52 @@ impl Recording {
                 }
             };
             let manifest = manifest.map(|(_, manifest)| manifest);
-            if path.is_some() || !report.accepted || !is_later(log_time_ns) {
+            let is_whole = (path.is_some() || !report.accepted)
+                && self.programs.contains_key(&report.program_id);
+            if is_whole || !is_later {
                 self.plans.insert(revision, RecordedPlan { report, manifest, path, log_time_ns });
             }
         }
         for (revision, (at, manifest)) in gathered.paths {
             let of = format!("revision {revision} of {}", manifest.program_id);
-            lack(at, "the report on the plan", &of, &[Planner]);
+            if !after.has_plan(revision, at) {
+                lack("the report on the plan", &of, &[Planner]);
+            }
         }
         Ok(())
+    }
+}
+
+/// What was loaded when the run had ended: it is for the next one, and the bag may end before it is whole.
+struct AfterRun {
+    ended_ns: Option<u64>,
+    programs: BTreeSet<String>,
+    revisions: BTreeSet<u64>,
+}
+
+impl AfterRun {
+    fn of(
+        states: &[RecordedState],
+        reports: &BTreeMap<u64, (u64, wire::CompensationReport)>,
+    ) -> Self {
+        let last_of_run = states.iter().rposition(|it| it.state.path_revision > 0);
+        let ended = last_of_run.and_then(|last| states.get(last + 1));
+        let ended_ns = ended.and_then(|state| u64::try_from(state.at_ns).ok());
+        let run = states.iter().map(|it| &it.state).filter(|it| it.path_revision > 0);
+        let revisions: BTreeSet<u64> = run.clone().map(|it| it.path_revision).collect();
+        // With the results of probes a program has another id than its run.
+        let planned = revisions.iter().filter_map(|revision| reports.get(revision));
+        let planned = planned.map(|(_, report)| report.program_id.clone());
+        let programs = run.map(|it| it.program_id.clone()).chain(planned).collect();
+        Self { ended_ns, programs, revisions }
+    }
+
+    fn has_program(&self, id: &str, began_ns: u64) -> bool {
+        self.ended_ns.is_some_and(|end| began_ns > end) && !self.programs.contains(id)
+    }
+
+    fn has_plan(&self, revision: u64, began_ns: u64) -> bool {
+        self.ended_ns.is_some_and(|end| began_ns > end) && !self.revisions.contains(&revision)
     }
 }
 

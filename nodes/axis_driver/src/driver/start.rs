@@ -49,7 +49,9 @@ impl Driver {
         if !is_only_encoded && let Some(refusal) = request.frame_obstacle(&self.context.machine) {
             return Some(Err(refusal));
         }
-        self.context.not_checked.clear();
+        if !is_only_encoded && !is_in_change {
+            self.context.not_checked.clear();
+        }
         let config = self.context.encoder_config();
         let started = start_at(
             request.path.clone(),

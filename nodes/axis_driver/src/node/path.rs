@@ -112,6 +112,7 @@ impl Newest {
     }
 
     fn begin(&mut self, planned: &Planned) {
+        self.rest = None;
         self.running_tools = self.table_of(planned).or_else(|| self.planned_tools.clone());
     }
 

@@ -12,9 +12,8 @@
 //! Pure.
 
 use super::place::{NEAR_MM, distance_mm};
-use super::run::{Happened, RunHistory};
+use super::run::RunHistory;
 use super::script::{Cue, machine_position};
-use axis_driver::driver::Command;
 use cnc_msgs::chunk::{ContourChunks, PathChunks};
 use cnc_msgs::contour::ProgrammedContour as Contour;
 use cnc_msgs::convert::mode_from_wire;
@@ -112,14 +111,16 @@ fn contours(was: RecordedRun<'_>, now: RecordedRun<'_>, comparison: &mut Compari
     comparison.sequence("programmed_contour/chunks", &all(&was.contour), &all(&now.contour));
 }
 
-/// The plans that were run: the goal's, and each plan for the rest.
+/// The plans that were run: the goal's, and each plan for the rest that was taken.
 fn plans<'a>(recorded: RecordedRun<'a>) -> Vec<&'a RecordedPlan> {
-    let rests = recorded.run.events.iter().filter_map(|event| match &event.what {
-        Happened::Asked(Command::Replan(request)) => Some(request.revision),
-        _ => None,
-    });
-    let revisions = std::iter::once(recorded.run.goal.revision).chain(rests);
-    revisions.filter_map(|revision| recorded.recording.plans.get(&revision)).collect()
+    let mut revisions = vec![recorded.run.goal.revision];
+    let states = recorded.run.states.iter().map(|(_, state)| state.path_revision);
+    for revision in states.take_while(|revision| *revision > 0) {
+        if !revisions.contains(&revision) {
+            revisions.push(revision);
+        }
+    }
+    revisions.iter().filter_map(|revision| recorded.recording.plans.get(revision)).collect()
 }
 
 fn paths(was: RecordedRun<'_>, now: RecordedRun<'_>, comparison: &mut Comparison) {

@@ -241,7 +241,9 @@ impl PathProgress {
     /// Processes the events up to now.
     fn follow(&mut self, run: &RunHistory<'_>, events: &[Event]) {
         for event in events.get(self.seen..).unwrap_or_default() {
-            if let Happened::Asked(Command::Replan(rest)) = &event.what {
+            if let Happened::Asked(Command::Replan(rest)) = &event.what
+                && run.states.iter().any(|(_, state)| state.path_revision == rest.revision)
+            {
                 self.track = Arc::new(Track::new(self.start, &rest.path, self.offset));
             }
             let position = report(event).and_then(|report| position(report, self.offset));
@@ -265,25 +267,21 @@ fn before_its_rest(events: &[Event], after_ns: i64, answered_ns: i64) -> (i64, u
     let is_cue = |event: &Event| matches!(&event.what, Happened::Asked(it) if act(it).is_some());
     let after = events[..end].partition_point(|event| event.stamp_ns <= after_ns);
     let begin = events[..end].iter().rposition(is_cue).map_or(0, |at| at + 1).max(after);
-    match (begin..end).find(|&at| is_rest(events, at)) {
+    match (begin..end).find(|&at| is_rest(events, &events[at])) {
         Some(at) => (events[at].stamp_ns, at),
         None => (answered_ns, end),
     }
 }
 
-/// Whether another path for the rest came here, and not what was planned from the result of a probe: that
-/// is the first one of the program that the loader had read on.
-fn is_rest(events: &[Event], at: usize) -> bool {
-    let program = |event: &Event| match &event.what {
-        Happened::Asked(Command::Replan(rest)) => Some(rest.program_id.clone()),
-        _ => None,
-    };
-    let Some(id) = program(&events[at]) else { return false };
-    let is_read_on = events[..at].iter().any(|event| match &event.what {
-        Happened::Asked(Command::ProgramContinued { answer, .. }) => answer.as_ref() == Ok(&id),
+/// Whether another path for the rest came here, and not what was planned from the result of a probe.
+fn is_rest(events: &[Event], event: &Event) -> bool {
+    let Happened::Asked(Command::Replan(rest)) = &event.what else { return false };
+    !events.iter().any(|event| match &event.what {
+        Happened::Asked(Command::ProgramContinued { of, answer: Ok(id) }) => {
+            (*of, id) == (rest.of, &rest.program_id)
+        }
         _ => false,
-    });
-    !is_read_on || events[..at].iter().any(|event| program(event).as_ref() == Some(&id))
+    })
 }
 
 /// The number of answered lines.

@@ -255,6 +255,28 @@ fn a_bag_may_end_in_the_middle_of_what_is_loaded_after_its_run() {
             replay(&path, &[]).expect(status);
         }
     }
+    // It is the program of the run all the same.
+    let mut id = String::new();
+    whole.change(|path: &mut wire::CompensatedPath| {
+        if path.revision == first {
+            id.clone_from(&path.program_id);
+        }
+        true
+    });
+    type Cut = fn(&mut TestBag, &str);
+    let cuts: [Cut; 3] = [
+        |bag, id| bag.change(|it: &mut wire::Program| it.program_id != id),
+        |bag, id| bag.change(|it: &mut wire::ProgramChunk| it.program_id != id),
+        |bag, id| bag.change(|it: &mut wire::ContourChunk| it.program_id != id),
+    ];
+    for cut in cuts {
+        let mut bag = whole.clone();
+        cut(&mut bag, &id);
+        let place = Folder::new();
+        let path = place.path().join("bag");
+        bag.write(&path, Form::OURS);
+        replay(&path, &[]).expect(2);
+    }
 }
 
 /// Messages of a type that are left in a bag: those that `keeps` is true for, with their place.

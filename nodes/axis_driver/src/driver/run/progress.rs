@@ -175,6 +175,14 @@ impl ProgramRun {
         if context.link.unanswered() == 0 {
             self.is_alone = false;
         }
+        if matches!(
+            (&origin, &self.stage),
+            (Origin::Offsets, Stage::Probed { .. } | Stage::Stretch { .. })
+        ) && error.is_some()
+        {
+            let text = "the controller did not say its offsets: what follows the probe is judged by those before it";
+            context.log(LogLevel::Warn, text);
+        }
         match (&origin, &self.stage) {
             (Origin::Offsets, Stage::Probing(_)) => return self.end_probe(context),
             (Origin::Offsets, Stage::Probed { .. }) => {
