@@ -49,6 +49,9 @@ pub(crate) struct PlanArgs {
     /// Position of the tool before the first block, millimetres
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
     start: [f64; 3],
+    /// Plan on where a program computes with the result of a probe, as if each touched at this part of its way
+    #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u8).range(0..=100))]
+    probes_touch_at: Option<u8>,
     /// Reaction to a contour that the tool does not fit: alarm, trim or ignore [default: the
     /// profile's]
     #[arg(long, value_name = "REACTION")]
@@ -97,7 +100,8 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let machine = args.machine.read()?;
     let name = files::file_name(&args.file);
 
-    let options = LoadOptions { start: args.start, ..LoadOptions::default() };
+    let probes_touch_at = args.probes_touch_at.map(|percent| f64::from(percent) / 100.0);
+    let options = LoadOptions { start: args.start, probes_touch_at, ..LoadOptions::default() };
     // With --quiet nobody reads certificates, and they cost more than the plan.
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
     let mut planned = Planned::new(&text, &profile, &tools, &options, planning);

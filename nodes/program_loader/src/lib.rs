@@ -69,6 +69,9 @@ pub struct LoadOptions {
     pub is_single_block: bool,
     /// How long subroutines and loops may take.
     pub flow: FlowLimits,
+    /// At which share of its way a probe is taken to touch whose result the text does not have; `None`: nobody
+    /// knows where, and the contour ends where that is read.
+    pub probes_touch_at: Option<f64>,
 }
 
 /// A program after reading.
@@ -216,7 +219,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     let stored = if has_file { parameter_file::values_of(text) } else { Vec::new() };
     let mut interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
     interpreter.store(&stored, &mut findings);
-    interpreter.take_results(results);
+    interpreter.take_results(results, options.probes_touch_at);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
     reader.store(&stored);
     let Read { interpreter, parameters, mut findings, calls, awaits } = reader.read();
@@ -226,6 +229,14 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         let help = "to have all of it judged before the run, set the zero where the probe has touched with \
                     G10 L20, and write places as numbers from there";
         findings.push(Finding::warning(Code::Unsupported, source, message).help(help));
+    }
+    if let Some((source, share)) = interpreter.made_up_at().zip(options.probes_touch_at) {
+        findings.begin_block();
+        let message = format!(
+            "what follows is planned as if each probe touched at {} % of its way; a run goes on from where it touches",
+            100.0 * share
+        );
+        findings.push(Finding::warning(Code::Unsupported, source, message));
     }
     findings.explain(&calls);
     if findings.has_error() {

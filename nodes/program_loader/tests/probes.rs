@@ -9,6 +9,31 @@ use program_loader::canonical::event_text;
 use program_loader::probe_results::with_results;
 use program_loader::{LoadOptions, Loaded, load};
 
+#[test]
+fn what_is_planned_as_if_each_probe_touched_somewhere_is_what_a_run_is_planned_from_there() {
+    let text = "G21 G90 F100\nG0 X0 Y0 Z5\no1 repeat [3]\nG38.2 Z-15\n#<_low>=#5063\nG91 G0 Z3\nX4\nG90\no1 endrepeat\n\
+                G38.3 X20\nG0 X[#5061-1] Z[#<_low>+10]\nM2\n";
+    let options = LoadOptions { probes_touch_at: Some(0.25), ..LoadOptions::default() };
+    let assumed = load(text.as_bytes(), &profile("rs274"), &options);
+    assert!(assumed.is_accepted() && assumed.awaits.is_none(), "{:#?}", assumed.findings);
+    let [warning] = &assumed.findings[..] else { panic!("{:#?}", assumed.findings) };
+    assert_eq!((warning.source.line, warning.is_error()), (5, false), "the first that reads one");
+    assert!(warning.message.contains("at 25 % of its way"), "{warning:?}");
+    // From 5 to -15, then from 3 above where the one before has touched; from X12 to 20.
+    let touched = |contact| ProbeResult { has_touched: true, contact, stands: contact };
+    let (first, second) = (0.0, 3.0 + 0.25 * (-15.0 - 3.0));
+    let third = second + 3.0 + 0.25 * (-15.0 - second - 3.0);
+    let results =
+        [[0.0, 0.0, first], [4.0, 0.0, second], [8.0, 0.0, third], [14.0, 0.0, third + 3.0]];
+    let text = with_results(text.as_bytes(), &results.map(touched));
+    let measured = load(&text, &profile("rs274"), &options);
+    assert!(measured.findings.is_empty(), "{:#?}", measured.findings);
+    assert_eq!(measured.contour.events.len(), assumed.contour.events.len());
+    for (was, is) in measured.contour.events.iter().zip(&assumed.contour.events) {
+        assert_eq!(event_text(was), event_text(is));
+    }
+}
+
 const BEGIN: &str = "G21 G90 F100\nG0 X0 Y0 Z5\nG38.2 Z-30\n";
 
 /// Touched at Z-12.5, and stopped a little lower.

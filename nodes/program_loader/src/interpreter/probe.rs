@@ -26,6 +26,10 @@ use std::cell::Cell;
 pub(super) struct Probes {
     /// Of the run, in its order.
     results: Vec<ProbeResult>,
+    /// At which share of its way a probe is taken to touch that has no result.
+    touch_at: Option<f64>,
+    /// The first block that reads a result which was made up so.
+    made_up_at: Option<Source>,
     /// Probes so far.
     count: usize,
     /// `#5061` to `#5070` after the last probe, if its result is there; nothing for an axis that is not known.
@@ -73,19 +77,24 @@ impl Interpreter<'_> {
             self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, MotionClass::Feed, end.named);
         }
-        self.count_probe(end.named);
+        self.count_probe(from, end.named);
         self.axes.drift(end.named, Cause { source: self.source, word });
     }
 
     /// A probe has moved these axes, at the most to where they are now.
-    fn count_probe(&mut self, named: AxisSet) {
-        let result = self.probes.results.get(self.probes.count).copied();
+    fn count_probe(&mut self, from: Position, named: AxisSet) {
+        let end = self.axes.position;
+        let made_up = |share: f64| {
+            let contact = std::array::from_fn(|axis| from[axis] + share * (end[axis] - from[axis]));
+            ProbeResult { has_touched: true, contact, stands: contact }
+        };
+        let measured = self.probes.results.get(self.probes.count).copied();
+        let result = measured.or_else(|| self.probes.touch_at.map(made_up));
         self.probes.count += 1;
         self.probes.is_open = true;
         self.probes.values = result.map(|result| self.values_of(&result));
         for axis in (0..3).filter(|&axis| named.contains(axis)) {
-            let end = self.axes.position[axis];
-            self.probes.off[axis] = result.map_or(0.0, |result| result.stands[axis] - end);
+            self.probes.off[axis] = result.map_or(0.0, |result| result.stands[axis] - end[axis]);
         }
     }
 
@@ -102,9 +111,15 @@ impl Interpreter<'_> {
         })
     }
 
-    /// Takes what the probes of a run have found so far.
-    pub(crate) fn take_results(&mut self, results: Vec<ProbeResult>) {
-        self.probes.results = results;
+    /// Takes what the probes of a run have found so far, and at which share of its way each other one is
+    /// taken to touch.
+    pub(crate) fn take_results(&mut self, results: Vec<ProbeResult>, touch_at: Option<f64>) {
+        (self.probes.results, self.probes.touch_at) = (results, touch_at);
+    }
+
+    /// The first block that reads a result which no probe has found.
+    pub(crate) fn made_up_at(&self) -> Option<Source> {
+        self.probes.made_up_at
     }
 
     /// `#5061` to `#5070`.
@@ -146,6 +161,9 @@ impl Interpreter<'_> {
         self.act(Action::Stretch { axes: drifting });
         if self.probes.values.is_none() {
             return false;
+        }
+        if self.probes.count > self.probes.results.len() {
+            self.probes.made_up_at.get_or_insert(source);
         }
         if !drifting.is_empty() {
             let place = std::array::from_fn(|axis| {
