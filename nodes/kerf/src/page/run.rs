@@ -152,12 +152,23 @@ pub(crate) fn of_recording(
     finish: impl Fn(&mut Sheet<'static>),
 ) -> Result<(), ReplayError> {
     let run_of = |revision| recording.states.iter().any(|it| it.state.path_revision == revision);
+    // What was planned on from the result of a probe shows all of what was run before it.
+    let is_read_on = |revision, plan: &RecordedPlan| {
+        let whole = recording.plans.values().filter(|later| later.path.is_some());
+        let later = whole.filter_map(|later| later.manifest.as_ref());
+        later
+            .filter(|it| it.continues_revision == revision && run_of(it.revision))
+            .any(|it| it.program_id != plan.report.program_id)
+    };
     let sheets_before = page.sheets.len();
     // Plans of one run share one log, seen on the plane of the program.
     let mut logs: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     let mut plans: Vec<(&u64, &RecordedPlan)> = recording.plans.iter().collect();
     plans.sort_by_key(|(revision, _)| !run_of(**revision));
     for (&revision, plan) in plans {
+        if is_read_on(revision, plan) {
+            continue;
+        }
         let Some(program) = recording.programs.get(&plan.report.program_id) else { continue };
         let view = view(program)?;
         let title = match recording.plans.len() {

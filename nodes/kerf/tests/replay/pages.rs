@@ -67,6 +67,22 @@ fn a_bag_with_nothing_to_show_is_an_error() {
 }
 
 #[test]
+fn a_run_in_stretches_is_shown_with_the_last_of_them() {
+    let folder = Folder::new();
+    let page = folder.path().join("page.html");
+    report(&golden("rs274_stretches"), &page).expect(0);
+    let page = data(&page);
+    // That which has cut, and what is loaded for the next run.
+    let [last, next] = &page["sheets"].as_array().expect("sheets")[..] else {
+        panic!("{:?}", page["sheets"]);
+    };
+    let text = |sheet: &Value| sheet["program"].to_string();
+    assert!(text(last).contains("results of probes, appended by Kerf: 3"), "{}", text(last));
+    assert!(!text(next).contains("results of probes"), "{}", text(next));
+    assert!(!last["run"].is_null() && next["run"].is_null());
+}
+
+#[test]
 fn a_run_is_shown_once_and_with_the_plans_that_were_run() {
     let folder = Folder::new();
     let page = folder.path().join("page.html");
