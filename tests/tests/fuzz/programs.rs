@@ -259,6 +259,7 @@ fn loaded_and_planned(text: &[u8], profile: &Profile, random: &mut Random) -> bo
         is_single_block: random.once_in(10),
         // Loops without an end are found sooner.
         flow: FlowLimits { blocks_max: 2000, depth_max: 10, ..FlowLimits::default() },
+        probes_touch_at: text.len().is_multiple_of(2).then_some(0.4),
     };
     let loaded = load(text, profile, &options);
     check_places(&loaded.findings, loaded.line_count, &shown());
