@@ -167,6 +167,7 @@ enum Then {
     },
     /// The probe has ended.
     Probed(Probing),
+    /// Plan what follows this block from the results of the probes before.
     Stretch {
         source: Source,
     },

@@ -150,7 +150,7 @@ pub(in crate::driver) const START_TOLERANCE_MM: f64 = 0.01;
 pub(in crate::driver) const LISTEN: Duration = Duration::from_millis(2500);
 /// From a reset to the banner, and from a short question to its answer.
 pub(in crate::driver) const ANSWER: Duration = Duration::from_millis(2000);
-/// From the end of a stretch to the plan of the next one.
+/// From the end of a stretch to the answer of the loader, and from there to the plan of the next one.
 pub(in crate::driver) const PLANNED: Duration = Duration::from_secs(60);
 /// From the acceptance of a run to the message of the recorder that it records.
 pub(in crate::driver) const RECORDER: Duration = Duration::from_secs(5);
