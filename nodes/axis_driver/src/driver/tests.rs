@@ -278,6 +278,17 @@ fn a_check_sends_nothing_and_needs_no_port() {
 }
 
 #[test]
+fn each_check_says_what_it_could_not_judge() {
+    let mut bench = Bench::new(DriverConfig::default());
+    for checks in 1..=2 {
+        bench.run_program(straight(3), 0, true);
+        assert_ended(&bench.result(), RunOutcome::Succeeded, 0);
+        let said = bench.log.matches("the travel was not checked").count();
+        assert_eq!(said, checks, "{}", bench.log);
+    }
+}
+
+#[test]
 fn a_cancel_stops_the_run_whatever_else_is_being_checked() {
     let mut bench = Bench::running(straight(60));
     let mut long = straight(20_000);
