@@ -28,6 +28,7 @@ mod splines;
 mod stored;
 mod system;
 mod tool_lengths;
+mod turn;
 
 use crate::block::Block;
 use crate::bounds::Bounds;
@@ -105,6 +106,8 @@ pub(crate) struct Interpreter<'r> {
     tool_entries: ToolEntries,
     /// Stored positions and work offsets that are known, by their numbers.
     stored: BTreeMap<u32, f64>,
+    /// The blocks that have set the rotations of work systems last.
+    rotated_in: BTreeMap<u32, Source>,
     open_curve: Option<OpenCurve>,
     /// P and Q of the last G5, while no other motion has come.
     last_cubic: Option<[f64; 2]>,
@@ -145,6 +148,7 @@ impl<'r> Interpreter<'r> {
             named_tools: Vec::new(),
             tool_entries: ToolEntries::new(),
             stored: BTreeMap::new(),
+            rotated_in: BTreeMap::new(),
             open_curve: None,
             last_cubic: None,
             probes: Probes::default(),

@@ -238,12 +238,19 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         );
         findings.push(Finding::warning(Code::Unsupported, source, message));
     }
+    let is_whole = awaits.is_none();
+    let mut left = if has_file && is_whole { parameters.left(&stored) } else { Vec::new() };
+    findings.begin_block();
+    for rotated in interpreter.rotations_left().filter(|_| is_whole) {
+        match stored.is_empty() {
+            true => rotated.forgotten().into_iter().for_each(|it| findings.push(it)),
+            false => left.push(rotated.left(&stored)),
+        }
+    }
     findings.explain(&calls);
     if findings.has_error() {
         return refused(findings);
     }
-    let is_whole = awaits.is_none();
-    let left = if has_file && is_whole { parameters.left(&stored) } else { Vec::new() };
     let (contour, bounds, named_tools) = interpreter.finish();
     let findings = findings.finish();
     let mut loaded = Loaded { contour, findings, line_count, bounds, named_tools, left, awaits };

@@ -265,17 +265,16 @@ impl<'r> Reader<'r> {
     #[cold]
     fn refuse_lasting(&mut self, line: Line<'_>) {
         let Dialect { g, m, .. } = self.rules.dialect;
-        let sets_for_later = self
-            .block
-            .words
-            .iter()
-            .any(|word| word.letter == b'L' && [1.0, 10.0].contains(&word.value));
+        // A tool, or how a work system is rotated.
+        let sets_for_later = self.block.words.iter().any(|word| match word.letter {
+            b'L' => [1.0, 10.0].contains(&word.value),
+            letter => letter == b'R',
+        });
         for word in &self.block.words {
             let calls = self.rules.dialect.lexer.programs.and_then(|it| it.call);
             let lasts = calls.is_some_and(|(letter, _)| letter == word.letter)
                 || code_in_tenths(word.value).is_some_and(|tenths| match word.letter {
                     b'G' => match g(tenths) {
-                        // A tool.
                         GWord::Offset(OffsetWord::Set) => sets_for_later,
                         word => word.only_acts_later(),
                     },

@@ -157,9 +157,11 @@ def proof(linuxcnc, kerf, name):
         return noticed([*kerf.items[:n], replace(kerf.items[n], **change), *kerf.items[n + 1:]])
 
     if any(isinstance(it, Move) and it.kind == "curve" for it in linuxcnc.items):
-        # LinuxCNC prints nothing of a curve but that it is one: many moves of one line in Kerf.
+        # LinuxCNC prints nothing of a curve but that it is one: many moves of one line in Kerf. What
+        # is next to it may be a part of it.
         count = Counter(kerf.items[n].where for n in moves)
-        moves = [n for n in moves if count[kerf.items[n].where] == 1]
+        moves = [n for n in moves
+                 if all(count[it.where] <= 1 for it in kerf.items[max(n - 1, 0):n + 2])]
     pick = sum(map(ord, name))
     if moves:
         n = moves[pick % len(moves)]

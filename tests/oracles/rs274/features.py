@@ -624,15 +624,49 @@ def offsets_read(program, rng):
         program.add("G0 X0 Y0 Z0", "G0 X[#5221 / #5222] Y[#5220 + #5222 / #5223]")
 
 
+ROTATIONS = [0, 30, 45, 90, -90, 180, 270, 12.5, -0.75, 400]
+
+
 @feature("rotated offsets", 80)
 def rotated(program, rng):
     for _ in range(rng.randint(2, 4)):
-        program.add(f"G10 L2 P1 {axis_words(rng)} R{rng.choice([0, 30, 45, 90, -90, 180, 12.5])}")
+        program.add(f"G10 L2 P1 {axis_words(rng)} R{rng.choice(ROTATIONS)}")
         program.add("G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
         program.add(move(rng), f"G91 {move(rng)}", "G90")
         x, y = rng.randint(5, 20), rng.randint(5, 20)
         program.add(f"G0 X{length(x)} Y{length(y)}",
                     f"G2 X{length(x + 10)} Y{length(y)} I{length(5)} J{length(0)}")
+
+
+@feature("rotated offsets of several systems", 120)
+def rotated_systems(program, rng):
+    for _ in range(rng.randint(4, 7)):
+        system = rng.randint(1, 3)
+        program.add(f"G10 L2 P{rng.choice([system, 0])} R{rng.choice(ROTATIONS)}")
+        program.add(f"G{53 + system}", "G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
+        program.add(rng.choice([
+            f"G52 {axis_words(rng)}", f"G92 {axis_words(rng)}", "G92.1", f"G53 G0 {axis_words(rng)}", "G28",
+            f"G10 L20 P0 X{mm(rng)} Y{mm(rng)}", f"G10 L20 P{system} X{mm(rng)}", "M70\nG54\nM72"]))
+        program.add("G90 G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"), move(rng))
+        program.scales = False
+
+
+@feature("cycles, curves and planes under rotated offsets", 120)
+def rotated_cycles(program, rng):
+    program.add(f"G10 L2 P1 R{rng.choice(ROTATIONS[1:])}", f"G98 F{length(300)}")
+    program.add("G0 " + " ".join(f"{axis}{mm(rng)}" for axis in "XYZ"))
+    for _ in range(rng.randint(2, 4)):
+        x, y = rng.randint(5, 20), rng.randint(5, 20)
+        program.add(rng.choice([
+            f"G0 Z{length(20)}\nG81 X{length(x)} Y{length(y)} Z{length(-3)} R{length(2)}\nX{length(y)}\nG80",
+            f"G0 Z{length(20)}\nG91 G83 X{length(x)} Z{length(-3)} R{length(-2)} Q{length(1)} L2\nG90 G80",
+            f"G5.1 X{length(x)} Y{length(y)} I{length(9)} J{length(2)}",
+            f"G18 G81 X{length(x)} Y{length(-3)} Z{length(y)} R{length(99)}\nG80 G17",
+            f"G3 X{length(x)} Y{length(y)} R{length(300)} Z{length(4)} P2",
+            f"G90.1 G0 X{length(x)} Y{length(y)}\nG2 X{length(x)} Y{length(y)} I{length(x + 5)} J{length(y)}\nG91.1",
+            f"G0 @{length(x)} ^{y}", f"G7 G0 X{length(x)}\nG8",
+            f"G0 X[#5420 + {length(1)}] Y[#5421 - {length(2)}]"]))
+        program.add(f"G90 G0 X{mm(rng)} Y{mm(rng)}", move(rng))
 
 
 @feature("machine coordinates", 100)

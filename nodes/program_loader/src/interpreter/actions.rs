@@ -312,6 +312,7 @@ impl Interpreter<'_> {
             let cause = Cause { source: self.source, word };
             self.axes.lose(AxisSet::ALL, cause);
             self.further.lose_known(cause);
+            self.turn_to(u32::from(system), cause);
         }
     }
 

@@ -17,6 +17,7 @@ use cnc_msgs::numbers::with_enough_digits;
 
 impl Interpreter<'_> {
     pub(super) fn arc(&mut self, scene: &mut Scene<'_>, clockwise: bool) {
+        self.check_plane(scene, "an arc");
         let start = self.axes.position;
         let plane = self.modal.plane;
         let [first, second, normal] = plane.axes();

@@ -343,6 +343,7 @@ impl Interpreter<'_> {
                 self.emit(ContourEventKind::Radius(radius));
             }
             RadiusWord::Tool if is_dynamic => {
+                self.check_plane(scene, "cutter radius compensation");
                 let scale = self.scale();
                 let Some(diameter) = self.take_within(scene, b'D', scale, COORDINATE_MM_MAX, "mm")
                 else {
@@ -353,6 +354,7 @@ impl Interpreter<'_> {
                 self.emit(ContourEventKind::Radius(RadiusSource::Diameter(diameter)));
             }
             RadiusWord::Tool => {
+                self.check_plane(scene, "cutter radius compensation");
                 // LinuxCNC: no D, and D0, mean the tool in the spindle.
                 let tool = self.take_number(scene, b'D').filter(|&tool| tool > 0);
                 let radius = self.radius_of(scene, tool, at);

@@ -43,6 +43,7 @@ impl Interpreter<'_> {
         let stays = stays.fold(AxisSet::NONE, AxisSet::with);
         via.named = via.named.without(stays);
         via.relative = via.relative.without(stays);
+        let via = self.turn_end(via);
         let is_sound = self.relies(scene, via.relative);
         let arrives = self.arrive(&via);
         if named.is_empty() {
@@ -60,7 +61,7 @@ impl Interpreter<'_> {
         }
         let word = if second { "G30" } else { "G28" };
         let cause = Cause { source: self.source, word };
-        self.axes.lose(named, cause);
+        self.axes.lose(self.turned(named), cause);
         self.further.lose(further, cause);
     }
 
@@ -88,6 +89,7 @@ impl Interpreter<'_> {
         let distance = std::mem::replace(&mut self.modal.distance, Distance::Absolute);
         let shift = std::mem::take(&mut self.modal.shift);
         let end = self.end(scene);
+        let concerned = self.turned(end.named);
         self.modal.shift = shift;
         self.modal.distance = distance;
         self.axes.position = position;
@@ -95,9 +97,9 @@ impl Interpreter<'_> {
         let rapid = match self.modal.mode {
             Some(Mode::Rapid) => true,
             Some(Mode::Feed) => false,
-            _ if self.modal.mode_is_poisoned => return self.axes.poison(end.named),
+            _ if self.modal.mode_is_poisoned => return self.axes.poison(concerned),
             _ => {
-                self.axes.poison(end.named);
+                self.axes.poison(concerned);
                 self.request.has_refused_word = true;
                 let message = "G53 works with G0 and G1 only".to_owned();
                 return self.report_at(
@@ -110,7 +112,7 @@ impl Interpreter<'_> {
             }
         };
         if distance == Distance::Incremental {
-            self.axes.poison(end.named);
+            self.axes.poison(concerned);
             let message = "G53 needs absolute coordinates, and G91 is in force".to_owned();
             return self.report_at(
                 scene,
@@ -123,7 +125,7 @@ impl Interpreter<'_> {
         if !rapid && self.modal.feed_mode == FeedMode::InverseTime {
             let message = "the length of a G53 move is not known, and G93 is in force".to_owned();
             let help = "write G94 and F with mm/min before it, or G0";
-            self.axes.poison(end.named);
+            self.axes.poison(concerned);
             return self.report_at(scene, at, Code::ModalConflict, message, help);
         }
         if !rapid && !further.is_empty() {
@@ -156,7 +158,7 @@ impl Interpreter<'_> {
             self.act(Action::MachineMove { target, axes: end.named, rapid, feed_mm_per_min });
         }
         let cause = Cause { source: self.source, word: "G53" };
-        self.axes.lose(end.named, cause);
+        self.axes.lose(concerned, cause);
         self.further.lose(further, cause);
     }
 }

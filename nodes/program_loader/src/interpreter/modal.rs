@@ -5,6 +5,7 @@ use super::cycles::CycleWords;
 use super::machine_words::Overrides;
 use super::polar::Polar;
 use super::tool_lengths::Length;
+use super::turn::Turn;
 use crate::dialect::{Distance, FeedMode, Mode, Units};
 use crate::rules::Rules;
 use cnc_msgs::contour::SpindleMode;
@@ -38,6 +39,8 @@ pub(super) struct Modal {
     /// G43.
     pub(super) length: Option<Length>,
     pub(super) work_offset: u8,
+    /// How the work system is rotated.
+    pub(super) turn: Option<Turn>,
     /// The zero of the program in the work system, mm (G52, G92), and what G92.3 restores.
     pub(super) shift: Position,
     pub(super) kept_shift: Position,
@@ -73,6 +76,7 @@ impl Modal {
             overrides: Overrides::default(),
             length: None,
             work_offset: 1,
+            turn: None,
             shift: [0.0; 3],
             kept_shift: [0.0; 3],
             x_is_diameter: rules.x_is_diameter,

@@ -200,7 +200,7 @@ impl Interpreter<'_> {
 
     #[inline]
     fn straight(&mut self, scene: &mut Scene<'_>, class: MotionClass, further_from: FurtherAxes) {
-        let end = self.end(scene);
+        let end = self.turned_end(scene);
         let mut relied = end.relative.union(self.relied_by_compensation(end.named));
         let turns_at_feed = class == MotionClass::Feed && self.has_further_along();
         if turns_at_feed {
@@ -209,7 +209,7 @@ impl Interpreter<'_> {
         }
         let drifting = match self.modal.compensation.is_selected() || self.has_further_along() {
             true => AxisSet::NONE,
-            false => self.axes.drifting(end.relative),
+            false => self.drifting(&end),
         };
         if class == MotionClass::Feed && self.modal.feed_mode == FeedMode::InverseTime {
             // How far it goes decides how fast.
@@ -226,6 +226,15 @@ impl Interpreter<'_> {
             self.feed_of_length(class, || distance(from, end.position));
             self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, class, end.named);
+        }
+    }
+
+    /// The axes that the move takes by so much from where a probe has ended.
+    #[inline]
+    pub(super) fn drifting(&self, end: &End) -> AxisSet {
+        match self.modal.distance {
+            Distance::Incremental => self.axes.drifting(end.relative),
+            Distance::Absolute => AxisSet::NONE,
         }
     }
 
@@ -246,10 +255,10 @@ impl Interpreter<'_> {
         end: Position,
         axes: AxisSet,
     ) {
-        if let Shape::Arc(arc) = &shape {
-            self.bounds.add_arc(start, end, arc);
+        if let Shape::Arc(arc) = &self.shape_out(shape) {
+            self.bounds.add_arc(self.out(start), self.out(end), arc);
         }
-        self.bounds.add_end(end, axes);
+        self.bounds.add_end(self.out(end), self.turned(axes));
     }
 
     #[inline]
@@ -272,6 +281,7 @@ impl Interpreter<'_> {
             _ => 0.0,
         };
         self.further_along();
+        let (shape, end, axes) = (self.shape_out(shape), self.out(end), self.turned(axes));
         self.emit(ContourEventKind::Motion(Motion { shape, end, class, feed_mm_per_min, axes }));
     }
 
@@ -327,7 +337,7 @@ impl Interpreter<'_> {
     /// Whether a motion may rely on the position of some axes; reports the first that is unknown.
     #[inline]
     pub(super) fn relies(&mut self, scene: &mut Scene<'_>, axes: AxisSet) -> bool {
-        match self.axes.rely_on(axes) {
+        match self.axes.rely_on(self.turned(axes)) {
             Reliance::Known => true,
             Reliance::Assumed(assumed) => {
                 self.contour.assumed_axes = self.contour.assumed_axes.union(assumed);

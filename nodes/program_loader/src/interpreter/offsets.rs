@@ -5,10 +5,11 @@
 //! aborted. G10 changes a work system of the machine itself, and goes there.
 
 use super::axes::Cause;
+use super::turn::TURNED;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, GWord, Group, LengthWord};
 use cnc_msgs::contour::{Action, MotionClass};
-use cnc_msgs::finding::Code;
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::{FurtherAxes, FurtherMode};
 use cnc_msgs::geometry::{AxisSet, Position, Shape};
 use cnc_msgs::units::received_mm;
@@ -135,17 +136,18 @@ impl Interpreter<'_> {
         if let Some(mode @ (1 | 10 | 11)) = mode {
             return self.set_tool(scene, mode, system, at);
         }
-        let (named, values) = self.axis_values(scene);
+        let (mut named, values) = self.axis_values(scene);
         let further = self.further_values(scene);
-        let turn = self.take(b'R').filter(|&angle| angle != 0.0);
+        let turn = self.take(b'R');
         let by_position = match mode {
             Some(2) => false,
             Some(20) => true,
             Some(0) => {
-                self.request.has_refused_word = true;
-                let message = "G10 L0 reads the tool table anew".to_owned();
-                let help = "delete it: the planner always has the newest table";
-                return self.report(scene, b'L', Code::Unsupported, message, help);
+                let message = "G10 L0 has no effect: the planner always has the newest tool table";
+                let source = scene.source_of(at);
+                return scene
+                    .findings
+                    .push(Finding::warning(Code::Unsupported, source, message).help("delete it"));
             }
             Some(other) => {
                 let message = format!("G10 has no L{other}");
@@ -177,17 +179,17 @@ impl Interpreter<'_> {
             let message = "G10 L20 does not take R".to_owned();
             return self.report(scene, b'R', Code::Syntax, message, "delete R");
         }
-        if let Some(degrees) = turn {
-            // A controller stores none.
-            if !degrees.is_nan() {
-                let message = "a rotated work system is not supported".to_owned();
-                let help = "rotate the program in the CAM system";
-                self.report(scene, b'R', Code::Unsupported, message, help);
-            }
+        if turn.is_some_and(f64::is_nan) {
             self.request.has_refused_word = true;
-            return self.axes.poison(AxisSet::NONE.with(0).with(1));
+            return self.axes.poison(TURNED);
         }
-        if self.request.is_damaged || (named.is_empty() && further.is_empty()) {
+        if self.request.is_damaged {
+            return;
+        }
+        if let Some(degrees) = turn {
+            self.set_rotation(system, degrees);
+        }
+        if named.is_empty() && further.is_empty() {
             return;
         }
         let further = further.map(|axis, value| match by_position {
@@ -202,14 +204,33 @@ impl Interpreter<'_> {
             let shift = if by_position { self.modal.shift[axis] } else { 0.0 };
             origin[axis] = values[axis] + shift;
         }
-        self.act(Action::SetWorkOffset { system: system as u8, axes: named, origin, by_position });
+        if by_position {
+            // The other axis keeps its place, along the rotated system.
+            let both = self.turned_in(system, named);
+            let kept = both.without(named);
+            if !kept.is_empty() && system != active {
+                let message = format!("work system {system} is rotated, and not in force");
+                let help = "name both X and Y";
+                return self.report_at(scene, at, Code::MissingWord, message, help);
+            }
+            if !kept.is_empty() && !self.relies(scene, kept) {
+                return;
+            }
+            for axis in (0..3).filter(|&axis| kept.contains(axis)) {
+                origin[axis] = self.axes.position[axis];
+            }
+            named = both;
+        }
+        let zero = if by_position { self.out_of(system, origin) } else { origin };
+        let axes = named;
+        self.act(Action::SetWorkOffset { system: system as u8, axes, origin: zero, by_position });
         self.store_offset(system, named, (!by_position).then_some(origin));
         self.store_further_offset(system, further, by_position);
         if system == active && by_position {
             self.stand(named, origin, further);
         } else if system == active {
             let cause = Cause { source: self.source, word: "G10" };
-            self.axes.lose(named, cause);
+            self.axes.lose(self.turned(named), cause);
             self.further.lose(further, cause);
         }
     }

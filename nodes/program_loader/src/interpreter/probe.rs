@@ -46,7 +46,7 @@ impl Interpreter<'_> {
     #[cold]
     pub(super) fn probe(&mut self, scene: &mut Scene<'_>, probe: Probe) {
         let word = probe.word();
-        let end = self.end(scene);
+        let end = self.turned_end(scene);
         if let Some(since) = self.modal.compensation.selected_at() {
             let message = format!(
                 "{word} under cutter radius compensation, which is on since line {}",
@@ -60,7 +60,7 @@ impl Interpreter<'_> {
             let help = "write G94 and F into this block";
             self.report_block(scene, Code::ModalConflict, message, help);
         }
-        let drifting = self.axes.drifting(end.relative);
+        let drifting = self.drifting(&end);
         let is_sound = self.relies(scene, end.relative.without(drifting))
             & self.has_feed(scene, MotionClass::Feed);
         let from = self.axes.position;
@@ -88,7 +88,11 @@ impl Interpreter<'_> {
             let contact = std::array::from_fn(|axis| from[axis] + share * (end[axis] - from[axis]));
             ProbeResult { has_touched: true, contact, stands: contact }
         };
-        let measured = self.probes.results.get(self.probes.count).copied();
+        let measured = self.probes.results.get(self.probes.count).map(|result| ProbeResult {
+            contact: self.back(result.contact),
+            stands: self.back(result.stands),
+            ..*result
+        });
         let result = measured.or_else(|| self.probes.touch_at.map(made_up));
         self.probes.count += 1;
         self.probes.is_open = true;

@@ -2,6 +2,7 @@
 //! says them: `#5161`, `#5221`.
 
 use super::Interpreter;
+use super::turn::is_rotation;
 use crate::findings::Findings;
 use crate::parameter_file::{Stored, is_kept, is_of_the_machine};
 use cnc_msgs::contour::Source;
@@ -20,15 +21,17 @@ impl Interpreter<'_> {
             if is_of_the_machine(number) {
                 self.stored.insert(number, value);
             }
-            let is_rotation = matches!(number, 5230..=5390 if (number - 5230) % 20 == 0);
             let finding = match number {
-                _ if is_rotation && value != 0.0 => {
+                _ if is_rotation(number) && value != 0.0 => {
                     let system = (number - 5230) / 20 + 1;
                     let message = format!(
-                        "the parameter file rotates work system {system}: #{number}={value}"
+                        "the parameter file rotates work system {system} by {value} degrees"
                     );
-                    let help = "write 0 into the file, and rotate the program in the CAM system";
-                    Finding::error(Code::Unsupported, place, message).help(help)
+                    let help = format!(
+                        "if it is not meant to be, write 0 for #{number} into the file, or G10 L2 \
+                         P{system} R0 into the program"
+                    );
+                    Finding::warning(Code::SuspiciousValue, place, message).help(help)
                 }
                 5210 if value != 0.0 => {
                     let message = "the parameter file has G92 in force, and programs begin without";
@@ -46,6 +49,7 @@ impl Interpreter<'_> {
             };
             findings.push(finding);
         }
+        self.begin_turned();
     }
 
     /// Says that there are values which no program begins with.

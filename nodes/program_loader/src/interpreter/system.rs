@@ -5,6 +5,7 @@
 
 use super::axes::Reliance;
 use super::further::FURTHER_WORDS;
+use super::turn::is_rotation;
 use super::{Interpreter, moves::AXIS_WORDS};
 use crate::dialect::{Distance, Mode, Units};
 use crate::expression::Trouble;
@@ -41,6 +42,9 @@ impl Interpreter<'_> {
         }
         if let Some(&value) = self.stored.get(&number) {
             return Some(Ok(value));
+        }
+        if is_rotation(number) {
+            return Some(Ok(0.0));
         }
         if let Some((_, what)) = ON_THE_MACHINE.iter().find(|(range, _)| range.contains(&number)) {
             return Some(Err(Trouble::NotHere { what: (*what).to_owned() }));
