@@ -80,6 +80,12 @@ impl Findings {
             (in_block, dropped, dropped_an_error);
     }
 
+    /// Whether an error has come since a mark.
+    pub(crate) fn has_error_since(&self, mark: Mark) -> bool {
+        let has_dropped = self.dropped_an_error && !mark.dropped_an_error;
+        has_dropped || self.list[mark.listed..].iter().any(Finding::is_error)
+    }
+
     /// Whether any of the listed findings is an error.
     pub(crate) fn has_error(&self) -> bool {
         self.dropped_an_error || self.list.iter().any(Finding::is_error)

@@ -78,7 +78,7 @@ pub(crate) enum After {
 }
 
 /// Turns blocks into events, one after another.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Interpreter<'r> {
     rules: &'r Rules<'r>,
     modal: Modal,

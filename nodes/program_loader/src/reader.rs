@@ -10,6 +10,7 @@ mod remarks;
 use crate::LoadOptions;
 use crate::block::Block;
 use crate::dialect::{Dialect, GWord, OffsetWord};
+use crate::expression::Parameter;
 use crate::findings::{Findings, Mark};
 use crate::flow::{Cursor, Flow, FlowMap, Next, World};
 use crate::interpreter::{After, Interpreter, code_in_tenths};
@@ -239,6 +240,35 @@ impl<'r> Reader<'r> {
         if self.options.is_single_block {
             self.refuse_lasting(line);
         }
+        let before = self.place();
+        let state = self.interpreter.before_stretch();
+        let after = self.interpreter.execute(line, &self.block, &mut self.findings);
+        match state {
+            Some(state) if self.interpreter.needs_stretch() => {
+                self.execute_in_stretch(line, before, state, after)
+            }
+            _ => after,
+        }
+    }
+
+    /// Executes a block that relies on where a probe has ended: again, at the beginning of a stretch. A
+    /// block with errors is left at that.
+    #[cold]
+    fn execute_in_stretch(
+        &mut self,
+        line: Line<'_>,
+        before: (Mark, usize),
+        state: Interpreter<'r>,
+        after: After,
+    ) -> After {
+        self.interpreter.back_to(state);
+        if self.findings.has_error_since(before.0) {
+            return after;
+        }
+        self.findings.back_to(before.0);
+        if !self.stretch(line, before) {
+            return After::Probe;
+        }
         self.interpreter.execute(line, &self.block, &mut self.findings)
     }
 
@@ -389,6 +419,11 @@ impl<'r> Reader<'r> {
                 let message = "a block by hand keeps no parameter for the next one";
                 let help = "set parameters in a program";
                 self.findings.push(Finding::error(Code::Unsupported, source, message).help(help));
+                continue;
+            }
+            if let Parameter::Numbered(number) = assignment.parameter
+                && self.interpreter.set_probe_value(number, assignment.value)
+            {
                 continue;
             }
             let Err(why) = self.parameters.set(&assignment.parameter, assignment.value) else {

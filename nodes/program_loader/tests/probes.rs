@@ -104,11 +104,69 @@ fn a_program_is_planned_to_the_reading_and_on_from_the_result() {
                 "rapid X0 Y0 Z9 named Z",
             ],
         ),
+        // So is what cannot be cut without knowing it.
+        (
+            "G91 G1 Z0.02\nG90 G92 Z0\nG0 Z3\n",
+            vec!["rapid X0 Y0 Z-12.5 named Z", "rapid X0 Y0 Z-9.5 named Z"],
+        ),
+        (
+            "G91 G18 G2 X2 Z0 I1 K0\n",
+            vec![
+                "rapid X0 Y0 Z-12.52 named Z",
+                "plane zx",
+                "arc cw zx X2 Y0 Z-12.52 center X1 Z-12.52 F100 named XZ",
+            ],
+        ),
+        (
+            "G99 G81 X4 Z-14 R-12\nG80\n",
+            vec![
+                "rapid X0 Y0 Z-12.52 named Z",
+                "rapid X0 Y0 Z-12 named Z",
+                "rapid X4 Y0 Z-12 named X",
+                "line X4 Y0 Z-14 F100 named Z",
+                "rapid X4 Y0 Z-12 named Z",
+            ],
+        ),
+        (
+            "G93 G1 Z0 F2\n",
+            vec!["rapid X0 Y0 Z-12.52 named Z", "line X0 Y0 Z0 F25.04 named Z"],
+        ),
     ] {
         let rest = after(&format!("{BEGIN}{program}M2\n"), &[TOUCH]);
         let moves: Vec<_> = rest.iter().filter(|text| *text != "M2").cloned().collect();
         assert_eq!(moves, wanted, "{program}");
     }
+}
+
+#[test]
+fn a_probe_in_a_rotated_work_system_is_read_as_the_program_counts() {
+    // X of the program is Y of the machine.
+    let begin = "G21 G90 F100\nG10 L2 P1 R90\nG0 X0 Y0 Z5\nG38.2 X30\n";
+    let touch = ProbeResult { contact: [0.0, 12.5, 5.0], stands: [0.0, 12.75, 5.0], ..TOUCH };
+    for (program, wanted) in [
+        (
+            "G0 X[#5061-2] Y#5062\n",
+            ["rapid X0 Y12.75 Z5 named XY", "rapid X0 Y10.5 Z5 named XY"],
+        ),
+        // Where Y is decides how far both axes go.
+        ("G0 X5\n", ["rapid X0 Y12.75 Z5 named XY", "rapid X0 Y5 Z5 named XY"]),
+        (
+            "G10 L2 P1 R[#5061-12.5]\nG0 X1 Y2\n",
+            ["rapid X0 Y12.75 Z5 named XY", "rapid X1 Y2 Z5 named XY"],
+        ),
+    ] {
+        let rest = after(&format!("{begin}{program}M2\n"), &[touch]);
+        assert_eq!(rest[..2], wanted, "{program}");
+    }
+}
+
+#[test]
+fn what_the_program_sets_of_a_result_is_in_force_until_the_next_probe() {
+    let program = "G21 G90 F100\n#5070=1\no1 while [#5070 NE 0]\nG0 X0 Y0 Z5\nG38.3 Z-30\n\
+                   o1 endwhile\nG0 X#5063\nM2\n";
+    let missed = ProbeResult { has_touched: false, ..TOUCH };
+    let rest = after(program, &[TOUCH, missed]);
+    assert_eq!(rest, ["rapid X0 Y0 Z-12.52 named Z", "rapid X-12.5 Y0 Z-12.52 named X", "M2"]);
 }
 
 #[test]

@@ -428,13 +428,6 @@ fn what_a_rotated_work_system_cannot_do_is_refused() {
             "G10 L2 P2 R30\nG10 L20 P2 X5\nM2",
             &[("G10", "work system 2 is rotated, and not in force")],
         ),
-        (
-            "G10 L2 P1 R30\nG0 X0 Y0\nG38.2 X9 F50\nG0 X5\nM2",
-            &[(
-                "G0 X5",
-                "this block starts from where X and Y are, which is not known since G38.2 in line 3",
-            )],
-        ),
     ]);
 }
 
@@ -527,6 +520,24 @@ fn polar_words_stand_for_x_and_y() {
              rapid X4 Y0 Z0 named XY; rapid X0 Y5 Z0 named XY; rapid X5 Y0 Z1 named XYZ; M2",
             &[],
         ),
+        // Holes on a circle, a row of holes, and one that is drilled twice.
+        (
+            "F100 G0 X5 Y0 Z5\nG91 G81 ^90 R-4 Z-3 L2\nG80 G90 G0 X3 Y4\nG91 G81 @5 R-4 Z-3 L2\nM2",
+            "rapid X5 Y0 Z5 named XYZ; \
+             rapid X0 Y5 Z5 named XY; rapid X0 Y5 Z1 named Z; line X0 Y5 Z-2 F100 named Z; rapid X0 Y5 Z5 named Z; \
+             rapid X-5 Y0 Z5 named XY; rapid X-5 Y0 Z1 named Z; line X-5 Y0 Z-2 F100 named Z; rapid X-5 Y0 Z5 named Z; \
+             rapid X3 Y4 Z5 named XY; \
+             rapid X6 Y8 Z5 named XY; rapid X6 Y8 Z1 named Z; line X6 Y8 Z-2 F100 named Z; rapid X6 Y8 Z5 named Z; \
+             rapid X9 Y12 Z5 named XY; rapid X9 Y12 Z1 named Z; line X9 Y12 Z-2 F100 named Z; rapid X9 Y12 Z5 named Z; M2",
+            &[],
+        ),
+        (
+            "F100 G0 X5 Y0 Z5\nG81 ^90 R1 Z-3 L2\nM2",
+            "rapid X5 Y0 Z5 named XYZ; \
+             rapid X0 Y5 Z5 named XY; rapid X0 Y5 Z1 named Z; line X0 Y5 Z-3 F100 named Z; rapid X0 Y5 Z5 named Z; \
+             rapid X0 Y5 Z1 named Z; line X0 Y5 Z-3 F100 named Z; rapid X0 Y5 Z5 named Z; M2",
+            &[],
+        ),
         (
             "G52 X1 Y2\n#1=5\nG20 G0 @#1 ^[45*2]\nG7 G0 @1 ^0\nM2",
             "rapid X1 Y129 Z0 named XY; rapid X26.4 Y2 Z0 named XY; M2",
@@ -549,8 +560,8 @@ fn polar_words_stand_for_x_and_y() {
         ),
         ("G0 X0 Y0\nG0 @5\nM2", &[("@5", "@5 at the zero, where there is no angle")]),
         (
-            "F100 G0 X5 Y0 Z5\nG91 G81 ^10 R-1 Z-3 L5\nM2",
-            &[("^10", "^10 in a cycle that is repeated with L")],
+            "F100 G0 X10 Y0 Z5\nG91 G81 @-5 R-1 Z-3 L3\nM2",
+            &[("G91 G81 @-5 R-1 Z-3 L3", "the cycle comes to the zero, where there is no angle")],
         ),
         ("G18\nG0 @10 ^30\nM2", &[("@10", "@10 outside the plane XY")]),
         ("G19 G0 ^30\nG91 G0 X1\nM2", &[("^30", "^30 outside the plane XY")]),

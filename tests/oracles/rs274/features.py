@@ -838,6 +838,18 @@ def polar(program, rng):
             f"G1 @{length(rng.randint(1, 9))} ^[10 * 3]"]))
 
 
+@feature("polar cycles that L repeats", 60)
+def polar_cycles(program, rng):
+    program.add(f"G98 F{length(300)}", f"G0 X{length(5)} Y{length(2)} Z{length(9)}")
+    for _ in range(3):
+        angle, distance = rng.choice([15, 60, 7.5, -90]), length(rng.randint(1, 5))
+        words = rng.choice([f"^{angle}", f"@{distance}", f"@{distance} ^{angle}"])
+        program.add(rng.choice([
+            f"G91 G81 {words} Z{length(-3)} R{length(-5)} L{rng.randint(1, 6)}\nG90 G80",
+            f"G81 {words} Z{length(-3)} R{length(4)} L{rng.randint(1, 3)}\nG80",
+            "G52 X{L1} Y{L2}", "G10 L2 P1 R30\nG0 X{L3} Y{L4}"]))
+
+
 @feature("lathe diameters", 60)
 def diameters(program, rng):
     program.add("G18", rng.choice(["G7", "G8"]))

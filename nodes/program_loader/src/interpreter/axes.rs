@@ -15,7 +15,7 @@ pub(super) struct Cause {
     pub(super) word: &'static str,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Axes {
     /// mm in the work frame; the last known value of an axis that is not known.
     pub(super) position: Position,

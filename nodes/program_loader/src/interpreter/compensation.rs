@@ -16,7 +16,7 @@ use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Direction};
 use cnc_msgs::profile::ZeroOffset;
 
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Compensation {
     /// G41 or G42 in force.
     side: Option<CutterSide>,

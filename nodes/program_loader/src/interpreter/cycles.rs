@@ -214,14 +214,6 @@ impl Interpreter<'_> {
             self.axes.poison(AxisSet::ALL);
             return self.report_block(scene, Code::Limit, message, help);
         }
-        for (axis, increment) in [(first, increment[0]), (second, increment[1])] {
-            if (start[axis] + increment * count).abs() > COORDINATE_MM_MAX {
-                let message = format!("{} leads beyond {COORDINATE_MM_MAX} mm", AXIS_LETTERS[axis]);
-                let help = "look for an incremental move that should be absolute";
-                self.axes.poison(AxisSet::ALL);
-                return self.report_block(scene, Code::Limit, message, help);
-            }
-        }
         let mut hole = start;
         if !is_relative {
             (hole[first], hole[second]) = (end.position[first], end.position[second]);
@@ -230,8 +222,17 @@ impl Interpreter<'_> {
             self.go(MotionClass::Rapid, start, across, r);
         }
         for repeat in 0..repeats.unwrap_or(1) {
-            hole[first] += increment[0];
-            hole[second] += increment[1];
+            match self.next_polar(hole).filter(|_| is_relative && repeat > 0) {
+                Some(next) => hole = next,
+                None => {
+                    hole[first] += increment[0];
+                    hole[second] += increment[1];
+                }
+            }
+            if let Some(axis) = [first, second].into_iter().find(|&axis| is_beyond(hole[axis])) {
+                self.axes.poison(AxisSet::ALL);
+                return self.report_beyond(scene, axis, hole);
+            }
             let above = match repeat {
                 0 if self.axes.position[across] > r => self.axes.position[across],
                 _ => clear,
@@ -245,6 +246,19 @@ impl Interpreter<'_> {
             self.hole(&plan, hole);
         }
         self.axes.know(end.named.without(end.relative).union(AxisSet::NONE.with(across)));
+    }
+
+    /// Reports a hole of a repeated cycle that cannot be.
+    #[cold]
+    fn report_beyond(&mut self, scene: &mut Scene<'_>, axis: usize, hole: Position) {
+        if hole[axis].is_nan() {
+            let message = "the cycle comes to the zero, where there is no angle".to_owned();
+            let help = "write a smaller L, or a block for each hole";
+            return self.report_block(scene, Code::Axes, message, help);
+        }
+        let message = format!("{} leads beyond {COORDINATE_MM_MAX} mm", AXIS_LETTERS[axis]);
+        let help = "look for an incremental move that should be absolute";
+        self.report_block(scene, Code::Limit, message, help);
     }
 
     /// Reports a cycle without a place.
@@ -407,6 +421,11 @@ impl Interpreter<'_> {
         self.add_to_bounds(from, Shape::Line, end, axes);
         self.emit_motion(Shape::Line, end, class, axes);
     }
+}
+
+/// Whether a coordinate is no place for a hole, mm.
+fn is_beyond(at: f64) -> bool {
+    !(at.abs() <= COORDINATE_MM_MAX)
 }
 
 impl Interpreter<'_> {

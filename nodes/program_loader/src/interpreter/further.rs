@@ -20,7 +20,7 @@ pub(super) const FURTHER_WORDS: [u8; 6] = *b"ABCUVW";
 const RATE_MIN: f64 = 0.1;
 
 /// Where the further axes are, in the work frame.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Further {
     /// Those that are known.
     position: FurtherAxes,

@@ -12,7 +12,7 @@ use cnc_msgs::contour::SpindleMode;
 use cnc_msgs::geometry::{Plane, Position};
 
 /// What stays in force from one block to the next.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Modal {
     pub(super) mode: Option<Mode>,
     /// The motion word was rejected, or is reported as missing: bare axis words add nothing.

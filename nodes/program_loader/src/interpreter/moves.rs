@@ -346,7 +346,9 @@ impl Interpreter<'_> {
             }
             Reliance::Poisoned => false,
             Reliance::Unknown(unknown) => {
-                self.report_unknown_axes(scene, unknown);
+                if !self.asks_for_stretch(scene, unknown) {
+                    self.report_unknown_axes(scene, unknown);
+                }
                 false
             }
         }

@@ -4,10 +4,10 @@
 //! tool is, around the zero.
 
 use super::{Interpreter, Scene};
-use crate::dialect::{Distance, GWord, Group, Mode};
+use crate::dialect::{Distance, Group};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::finding::Code;
-use cnc_msgs::geometry::{AxisSet, Plane};
+use cnc_msgs::geometry::{AxisSet, Plane, Position};
 
 /// The values of `@` and `^`, and their places in the block.
 pub(super) type PolarWords = [Option<(f64, usize)>; 2];
@@ -46,16 +46,6 @@ impl Interpreter<'_> {
             let message = format!("{} and {} in one block", scene.quote(at), char::from(letter));
             let help = "write either X and Y, or @ and ^";
             return self.report_at(scene, at, Code::ModalConflict, message, help);
-        }
-        let mode = match self.request.g(Group::Motion) {
-            Some((GWord::Motion(mode), _)) => Some(mode),
-            _ => self.modal.mode,
-        };
-        let repeats = self.request.value(b'L').is_some_and(|times| times > 1.0);
-        if repeats && matches!(mode, Some(Mode::Cycle(_))) {
-            let message = format!("{} in a cycle that is repeated with L", scene.quote(at));
-            let help = "write a block for each hole, or a loop of O words";
-            return self.report_at(scene, at, Code::Unsupported, message, help);
         }
         let is_relative = self.modal.distance == Distance::Incremental;
         let [radius, angle] = words.map(|word| word.map(|(value, _)| value));
@@ -96,6 +86,26 @@ impl Interpreter<'_> {
         let double = if self.modal.x_is_diameter { 2.0 } else { 1.0 };
         self.request.set(b'X', double * (radius * cosine - start[0]), at);
         self.request.set(b'Y', radius * sine - start[1], at);
+    }
+}
+
+impl Interpreter<'_> {
+    /// Where a cycle that is repeated under G91 drills next, if its block has `@` or `^`: they count on
+    /// from this hole. NaN where there is no angle.
+    #[cold]
+    pub(super) fn next_polar(&self, hole: Position) -> Option<Position> {
+        if self.request.polar == [None; 2] {
+            return None;
+        }
+        let [radius, angle] = self.request.polar.map(|word| word.map_or(0.0, |(value, _)| value));
+        let [x, y] = [0, 1].map(|axis| hole[axis] - self.modal.shift[axis]);
+        if (x, y) == (0.0, 0.0) {
+            return Some([f64::NAN, f64::NAN, hole[2]]);
+        }
+        let radius = x.hypot(y) + radius * self.scale();
+        let [sine, cosine] = sine_and_cosine(y.atan2(x).to_degrees() + angle);
+        let [x0, y0, _] = self.modal.shift;
+        Some([x0 + radius * cosine, y0 + radius * sine, hole[2]])
     }
 }
 

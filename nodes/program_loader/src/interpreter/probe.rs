@@ -21,8 +21,11 @@ use cnc_msgs::probing::ProbeResult;
 use cnc_msgs::units::received_mm;
 use std::cell::Cell;
 
+/// `#5061`.
+const FIRST_RESULT: u32 = 5061;
+
 /// The probes of a program, and what is known of them.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Probes {
     /// Of the run, in its order.
     results: Vec<ProbeResult>,
@@ -34,6 +37,8 @@ pub(super) struct Probes {
     count: usize,
     /// `#5061` to `#5070` after the last probe, if its result is there; nothing for an axis that is not known.
     values: Option<[Option<f64>; 10]>,
+    /// Those that the program has set itself since.
+    assigned: [Option<f64>; 10],
     /// How far the axes of the probes have stopped from the ends of their ways, mm.
     off: Position,
     /// No stretch has begun since the last probe.
@@ -97,6 +102,7 @@ impl Interpreter<'_> {
         self.probes.count += 1;
         self.probes.is_open = true;
         self.probes.values = result.map(|result| self.values_of(&result));
+        self.probes.assigned = [None; 10];
         for axis in (0..3).filter(|&axis| named.contains(axis)) {
             self.probes.off[axis] = result.map_or(0.0, |result| result.stands[axis] - end[axis]);
         }
@@ -128,17 +134,32 @@ impl Interpreter<'_> {
 
     /// `#5061` to `#5070`.
     pub(super) fn probe_value(&self, number: u32) -> Option<Result<f64, Trouble>> {
-        let Probes { count, values, is_open, is_asked, .. } = &self.probes;
+        let Probes { count, values, is_open, is_asked, assigned, .. } = &self.probes;
+        let index = (number - FIRST_RESULT) as usize;
+        if let Some(value) = assigned[index] {
+            return Some(Ok(value));
+        }
         if *count > 0 && *is_open {
             if self.modal.compensation.is_selected() {
                 return Some(Err(Trouble::CompensatedPosition));
             }
             is_asked.set(true);
         }
-        let index = (number - 5061) as usize;
         let Some(values) = values else { return Some(Err(Trouble::Probed)) };
         let unknown = || Trouble::UnknownPosition { axis: char::from(FURTHER_WORDS[index - 3]) };
         Some(values[index].ok_or_else(unknown))
+    }
+
+    /// Gives one of `#5061` to `#5070` a value, until the next probe; whether the number is one of them.
+    pub(crate) fn set_probe_value(&mut self, number: u32, value: f64) -> bool {
+        let index = number.checked_sub(FIRST_RESULT).map(|index| index as usize);
+        match index.and_then(|index| self.probes.assigned.get_mut(index)) {
+            Some(assigned) => {
+                *assigned = Some(value);
+                true
+            }
+            None => false,
+        }
     }
 
     /// Where an axis stands after a probe, in the work frame, mm.
@@ -151,6 +172,37 @@ impl Interpreter<'_> {
     #[inline]
     pub(crate) fn needs_stretch(&self) -> bool {
         self.probes.is_asked.get()
+    }
+
+    /// A block relies on axes that are not known: whether a stretch before it would give their places.
+    #[cold]
+    pub(super) fn asks_for_stretch(&mut self, scene: &Scene<'_>, unknown: AxisSet) -> bool {
+        let is_asked = self.axes.drifting(unknown) == unknown && scene.under_compensation.is_none();
+        if is_asked {
+            self.probes.is_asked.set(true);
+            self.request.is_damaged = true;
+        }
+        is_asked
+    }
+
+    /// The state before a block that may need a stretch, without the events; `None` for other blocks.
+    #[inline]
+    pub(crate) fn before_stretch(&mut self) -> Option<Self> {
+        if self.axes.drifting(AxisSet::ALL).is_empty() {
+            return None;
+        }
+        let events = std::mem::take(&mut self.contour.events);
+        let state = self.clone();
+        self.contour.events = events;
+        Some(state)
+    }
+
+    /// As if the block had not been executed, but for its events.
+    pub(crate) fn back_to(&mut self, state: Self) {
+        let events = std::mem::take(&mut self.contour.events);
+        *self = state;
+        self.contour.events = events;
+        self.probes.is_asked.set(false);
     }
 
     /// Begins a stretch after so many events; whether the results that it needs are there. The place of

@@ -14,7 +14,7 @@ use cnc_msgs::finding::Code;
 const M_WORDS_MAX: usize = 12;
 
 /// What one block asks for. Reused for each block: only values named by the masks are valid.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Request {
     /// Letters with a value: all except G, M and N.
     pub(super) present: Letters,

@@ -44,7 +44,7 @@ const ORDER_MAX: u32 = 10;
 const WEIGHT_MIN: f64 = 1e-6;
 
 /// Control points since G5.2.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct OpenCurve {
     points: Vec<Control>,
     order: u32,
