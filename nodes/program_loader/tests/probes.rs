@@ -127,10 +127,7 @@ fn a_program_is_planned_to_the_reading_and_on_from_the_result() {
                 "rapid X4 Y0 Z-12 named Z",
             ],
         ),
-        (
-            "G93 G1 Z0 F2\n",
-            vec!["rapid X0 Y0 Z-12.52 named Z", "line X0 Y0 Z0 F25.04 named Z"],
-        ),
+        ("G93 G1 Z0 F2\n", vec!["rapid X0 Y0 Z-12.52 named Z", "line X0 Y0 Z0 F25.04 named Z"]),
     ] {
         let rest = after(&format!("{BEGIN}{program}M2\n"), &[TOUCH]);
         let moves: Vec<_> = rest.iter().filter(|text| *text != "M2").cloned().collect();
@@ -144,10 +141,7 @@ fn a_probe_in_a_rotated_work_system_is_read_as_the_program_counts() {
     let begin = "G21 G90 F100\nG10 L2 P1 R90\nG0 X0 Y0 Z5\nG38.2 X30\n";
     let touch = ProbeResult { contact: [0.0, 12.5, 5.0], stands: [0.0, 12.75, 5.0], ..TOUCH };
     for (program, wanted) in [
-        (
-            "G0 X[#5061-2] Y#5062\n",
-            ["rapid X0 Y12.75 Z5 named XY", "rapid X0 Y10.5 Z5 named XY"],
-        ),
+        ("G0 X[#5061-2] Y#5062\n", ["rapid X0 Y12.75 Z5 named XY", "rapid X0 Y10.5 Z5 named XY"]),
         // Where Y is decides how far both axes go.
         ("G0 X5\n", ["rapid X0 Y12.75 Z5 named XY", "rapid X0 Y5 Z5 named XY"]),
         (

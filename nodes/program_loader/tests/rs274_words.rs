@@ -399,6 +399,26 @@ fn a_rotated_work_system_turns_what_the_program_writes() {
 }
 
 #[test]
+fn a_straight_motion_word_next_to_a_reference_is_in_force_after_it() {
+    check(&[
+        (
+            "G0 X1 Y1 Z1\nG0 G91 G28 Z0\nG90 X5\nM2",
+            "rapid X1 Y1 Z1 named XYZ; G28 Z; rapid X5 Y1 Z1 named X; M2",
+            &[],
+        ),
+        (
+            "F100 G0 X1 Y1 Z1\nG28 G91 G1 X0 Y0\nG90 Z5\nM2",
+            "rapid X1 Y1 Z1 named XYZ; G28 XY; line X1 Y1 Z5 F100 named Z; M2",
+            &[],
+        ),
+    ]);
+    check_bad(&[(
+        "F100 G0 X1 Y1 Z1\nG2 G28 X5\nM2",
+        &[("G2", "G28 and G2 both use the axis words of this block")],
+    )]);
+}
+
+#[test]
 fn what_a_rotated_work_system_cannot_do_is_refused() {
     check_bad(&[
         ("G10 L2 P2 R[1/0]\nG0 X10\nM2", &[("/0", "a division by zero")]),

@@ -3,7 +3,7 @@
 use super::axes::Cause;
 use super::moves::AXIS_WORDS;
 use super::{Interpreter, Scene};
-use crate::dialect::{Distance, FeedMode, Group, Mode};
+use crate::dialect::{Distance, FeedMode, GWord, Group, Mode};
 use cnc_msgs::contour::{Action, MotionClass};
 use cnc_msgs::finding::Code;
 use cnc_msgs::further::{FurtherAxes, FurtherMode};
@@ -12,7 +12,11 @@ use cnc_msgs::geometry::{AxisSet, Shape};
 impl Interpreter<'_> {
     /// G28 and G30: first to the programmed point, then home the named axes, or all.
     pub(super) fn reference(&mut self, scene: &mut Scene<'_>, second: bool, at: usize) {
-        if let Some((_, motion)) = self.request.g(Group::Motion)
+        // Fanuc posts write G0 G91 G28 Z0: G0 is in force after it.
+        let is_straight =
+            |word| matches!(word, GWord::Motion(Mode::Rapid | Mode::Feed | Mode::Polar { .. }));
+        if let Some((word, motion)) = self.request.g(Group::Motion)
+            && !is_straight(word)
             && !self.request.has_refused_word
             && AXIS_WORDS.iter().any(|&letter| self.request.present.contains(letter))
         {
