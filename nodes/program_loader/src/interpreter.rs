@@ -59,6 +59,7 @@ pub(crate) use splines::Spline;
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use tool_lengths::ToolEntries;
+use turn::Rotations;
 
 /// What follows a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,8 +107,7 @@ pub(crate) struct Interpreter<'r> {
     tool_entries: ToolEntries,
     /// Stored positions and work offsets that are known, by their numbers.
     stored: BTreeMap<u32, f64>,
-    /// The blocks that have set the rotations of work systems last.
-    rotated_in: BTreeMap<u32, Source>,
+    rotations: Rotations,
     open_curve: Option<OpenCurve>,
     /// P and Q of the last G5, while no other motion has come.
     last_cubic: Option<[f64; 2]>,
@@ -148,7 +148,7 @@ impl<'r> Interpreter<'r> {
             named_tools: Vec::new(),
             tool_entries: ToolEntries::new(),
             stored: BTreeMap::new(),
-            rotated_in: BTreeMap::new(),
+            rotations: Rotations::default(),
             open_curve: None,
             last_cubic: None,
             probes: Probes::default(),

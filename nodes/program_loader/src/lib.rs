@@ -216,7 +216,9 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         return refused(findings);
     }
     let has_file = rules.dialect.lexer.parameters && !options.is_single_block;
-    let stored = if has_file { parameter_file::values_of(text) } else { Vec::new() };
+    let section = parameter_file::values_of(text).filter(|_| has_file);
+    let keeps = section.is_some();
+    let stored = section.unwrap_or_default();
     let mut interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
     interpreter.store(&stored, &mut findings);
     interpreter.take_results(results, options.probes_touch_at);
@@ -242,9 +244,9 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     let mut left = if has_file && is_whole { parameters.left(&stored) } else { Vec::new() };
     findings.begin_block();
     for rotated in interpreter.rotations_left().filter(|_| is_whole) {
-        match stored.is_empty() {
-            true => rotated.forgotten().into_iter().for_each(|it| findings.push(it)),
-            false => left.push(rotated.left(&stored)),
+        match keeps {
+            true => left.push(rotated.left(&stored)),
+            false => rotated.forgotten().into_iter().for_each(|it| findings.push(it)),
         }
     }
     findings.explain(&calls);

@@ -140,7 +140,7 @@ pub fn with_parameters(
     if !crate::dialect::of(profile.language.dialect).lexer.parameters {
         return Ok(text);
     }
-    if !values_of(&text).is_empty() {
+    if values_of(&text).is_some() {
         return Err(BadParameterFile::Already);
     }
     let (mut rows, mut count) = (String::new(), 0);
@@ -167,13 +167,9 @@ pub fn with_parameters(
     Ok(text)
 }
 
-/// The values that have been appended to a text. A program that has something like them is read as
-/// it is: they are the end of the text, whole, and as many as their first line says.
-pub(crate) fn values_of(text: &[u8]) -> Vec<Stored> {
-    section(text).unwrap_or_default()
-}
-
-fn section(text: &[u8]) -> Option<Vec<Stored>> {
+/// The values that have been appended to a text, if any were. A program that has something like them is read
+/// as it is: they are the end of the text, whole, and as many as their first line says.
+pub(crate) fn values_of(text: &[u8]) -> Option<Vec<Stored>> {
     let tail = &text[text.len().saturating_sub(SECTION_BYTES_MAX)..];
     let at = memchr::memmem::rfind(tail, BEGIN.as_bytes())?;
     let before = tail[..at].strip_suffix(b"\n")?.strip_suffix(APPENDED.as_bytes())?;
@@ -226,8 +222,11 @@ mod tests {
             "G0 X1\nM2\n{APPENDED}\n{BEGIN}3, x1.var)\n(#31=0.1)\n(#5221=0.0)\n(#5400=-350.0)\n"
         );
         assert_eq!(text, wanted);
-        let values: Vec<_> =
-            values_of(text.as_bytes()).iter().map(|it| (it.number, it.value, it.line)).collect();
+        let values: Vec<_> = values_of(text.as_bytes())
+            .unwrap_or_default()
+            .iter()
+            .map(|it| (it.number, it.value, it.line))
+            .collect();
         assert_eq!(values, [(31, 0.1, 5), (5221, 0.0, 6), (5400, -350.0, 7)]);
         assert_eq!(assemble(&text, "31 1"), Err(BadParameterFile::Already));
         assert_eq!(assemble("M2\x1A", "31 0").expect("good"), assemble("M2", "").expect("good"));
@@ -249,10 +248,10 @@ mod tests {
             format!("{APPENDED}\n{BEGIN}1, x\n(#100=50)\n"),
             format!("{APPENDED}\n (values{BEGIN}1, x)\n(#100=50)\n"),
         ] {
-            assert_eq!(values_of(text.as_bytes()), [], "{text}");
+            assert_eq!(values_of(text.as_bytes()), None, "{text}");
         }
         let text = format!("{APPENDED}\n{BEGIN}1, x)\n(#100=50)\n");
-        assert_eq!(values_of(text.as_bytes()).len(), 1);
+        assert_eq!(values_of(text.as_bytes()).map(|it| it.len()), Some(1));
     }
 
     #[test]
@@ -342,7 +341,7 @@ mod tests {
         let longest = -f64::MIN_POSITIVE / 3.0;
         let file: String = (1..=NUMBER_MAX).map(|n| format!("{n} {longest:?}\n")).collect();
         let text = assemble("M2", &file).expect("a good file");
-        assert_eq!(values_of(text.as_bytes()).len(), NUMBER_MAX as usize);
+        assert_eq!(values_of(text.as_bytes()).map(|it| it.len()), Some(NUMBER_MAX as usize));
     }
 
     #[test]

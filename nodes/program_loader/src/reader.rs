@@ -240,35 +240,38 @@ impl<'r> Reader<'r> {
         if self.options.is_single_block {
             self.refuse_lasting(line);
         }
-        let before = self.place();
+        let place = self.place();
         let state = self.interpreter.before_stretch();
         let after = self.interpreter.execute(line, &self.block, &mut self.findings);
         match state {
             Some(state) if self.interpreter.needs_stretch() => {
-                self.execute_in_stretch(line, before, state, after)
+                self.execute_in_stretch(line, (before.0, place), state, after)
             }
             _ => after,
         }
     }
 
     /// Executes a block that relies on where a probe has ended: again, at the beginning of a stretch. A
-    /// block with errors is left at that.
+    /// line with errors is left at that.
     #[cold]
     fn execute_in_stretch(
         &mut self,
         line: Line<'_>,
-        before: (Mark, usize),
+        (line_begins, (before, events)): (Mark, (Mark, usize)),
         state: Interpreter<'r>,
         after: After,
     ) -> After {
-        self.interpreter.back_to(state);
-        if self.findings.has_error_since(before.0) {
+        if self.findings.has_error_since(line_begins) {
+            self.interpreter.forget_stretch();
             return after;
         }
-        self.findings.back_to(before.0);
-        if !self.stretch(line, before) {
+        self.interpreter.back_to(state);
+        // Its warnings stay where it is to be read on.
+        let place = (self.findings.mark(), events);
+        if !self.stretch(line, place) {
             return After::Probe;
         }
+        self.findings.back_to(before);
         self.interpreter.execute(line, &self.block, &mut self.findings)
     }
 
@@ -422,6 +425,7 @@ impl<'r> Reader<'r> {
                 continue;
             }
             if let Parameter::Numbered(number) = assignment.parameter
+                && !self.rules.dialect.lexer.r_parameters
                 && self.interpreter.set_probe_value(number, assignment.value)
             {
                 continue;

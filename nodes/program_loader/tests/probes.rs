@@ -127,12 +127,62 @@ fn a_program_is_planned_to_the_reading_and_on_from_the_result() {
                 "rapid X4 Y0 Z-12 named Z",
             ],
         ),
+        (
+            "G91\nG18 G41.1 D1\nG1 X2 Z3\n",
+            vec![
+                "rapid X0 Y0 Z-12.52 named Z",
+                "plane zx",
+                "radius diameter 1",
+                "select left",
+                "line X2 Y0 Z-9.52 F100 named XZ",
+            ],
+        ),
         ("G93 G1 Z0 F2\n", vec!["rapid X0 Y0 Z-12.52 named Z", "line X0 Y0 Z0 F25.04 named Z"]),
     ] {
         let rest = after(&format!("{BEGIN}{program}M2\n"), &[TOUCH]);
         let moves: Vec<_> = rest.iter().filter(|text| *text != "M2").cloned().collect();
         assert_eq!(moves, wanted, "{program}");
     }
+}
+
+#[test]
+fn no_zero_is_set_where_a_probe_has_not_touched() {
+    let missed = ProbeResult { has_touched: false, ..TOUCH };
+    let begin = BEGIN.replace("G38.2", "G38.3");
+    for (program, is_refused) in [
+        ("G92 Z0\n", true),
+        ("G91 G0 Z2\nG90 G92 Z0\n", true),
+        ("o1 if [#5070 EQ 1]\nG92 Z0\no1 endif\n", false),
+        ("G92 X0\nG0 X#5063\n", false),
+        ("G0 Z[#5063+2]\nG92 Z0\n", false),
+    ] {
+        let text = format!("{begin}{program}M2\n");
+        let loaded = read(&text, &[missed]);
+        let errors: Vec<_> =
+            loaded.findings.iter().filter(|it| it.is_error()).map(|it| &*it.message).collect();
+        let wanted = "G92 counts Z from where the tool is, and the probe there has not touched";
+        assert_eq!(errors, if is_refused { vec![wanted] } else { vec![] }, "{program}");
+        assert!(read(&text, &[TOUCH]).is_accepted(), "{program}");
+    }
+}
+
+#[test]
+fn a_block_that_needs_a_result_keeps_its_own_findings() {
+    let said = |program: &str, results: &[ProbeResult]| -> Vec<String> {
+        let loaded = read(&format!("{BEGIN}{program}M2\n"), results);
+        loaded.findings.iter().map(|it| it.message.clone()).collect()
+    };
+    let waits = "the machine waits 5000 s here";
+    let dwell = "G82 X5 R-10 Z-14 P5000\nG80\n";
+    assert!(said(dwell, &[]).iter().any(|it| it == waits));
+    assert_eq!(said(dwell, &[TOUCH]), [waits]);
+    // Once, with nothing that follows from it.
+    let unused = "nothing in this block uses Q7";
+    for results in [&[][..], &[TOUCH]] {
+        assert_eq!(said("G91 G18 G2 X2 Z1 R5 Q7\nX2 Z1 R5\nG92 Z1\n", results), [unused]);
+    }
+    let no_value = "a division by zero";
+    assert_eq!(said("G92 Z[1/0]\nG0 Z5 Q1\n", &[]), [no_value, "nothing in this block uses Q1"]);
 }
 
 #[test]

@@ -354,8 +354,8 @@ fn a_rotated_work_system_turns_what_the_program_writes() {
         // Places of the machine are not turned.
         ("G53 G0 X4 Y1\nG0 X0 Y0", "G53 G0 X4 Y1; rapid X0 Y0 Z0 named XY"),
         (
-            "G0 X1 Y2\nG28 X3\nG0 X0 Y0",
-            "rapid X-2 Y1 Z0 named XY; rapid X-2 Y3 Z0 named XY; G28 X; rapid X0 Y0 Z0 named XY",
+            "G0 X1 Y2\nG28 X3 Y2\nG0 X0 Y0",
+            "rapid X-2 Y1 Z0 named XY; rapid X-2 Y3 Z0 named XY; G28 XY; rapid X0 Y0 Z0 named XY",
         ),
         // The tool stands still where the rotation ends, and its place is another.
         (
@@ -399,6 +399,18 @@ fn a_rotated_work_system_turns_what_the_program_writes() {
 }
 
 #[test]
+fn a_place_that_is_read_in_a_rotated_system_relies_on_both_axes() {
+    for (text, wanted) in [
+        ("G0 X10\nG10 L2 P1 R90\n#1=#5420\nG0 X0 Y0\nM2", "Y"),
+        ("G10 L2 P1 R90\n#1=#<_x>\nG0 X0 Y0\nM2", "XY"),
+        ("G10 L2 P1 R90\nG0 X0 Y0\n#1=#<_x>\nM2", ""),
+    ] {
+        let loaded = read(text);
+        assert_eq!(loaded.contour.assumed_axes.letters(), wanted, "{text}");
+    }
+}
+
+#[test]
 fn a_straight_motion_word_next_to_a_reference_is_in_force_after_it() {
     check(&[
         (
@@ -431,6 +443,10 @@ fn what_a_rotated_work_system_cannot_do_is_refused() {
             )],
         ),
         (
+            "G10 L2 P1 R30\nG0 X0 Y0\nG28 X4\nM2",
+            &[("G28", "G28 of one of X and Y alone, and the work system is rotated by 30 degrees")],
+        ),
+        (
             "G10 L2 P1 R30\nG0 X0 Y0\nG18 G2 X5 Z0 R3 F100\nM2",
             &[(
                 "G18 G2 X5 Z0 R3 F100",
@@ -446,7 +462,7 @@ fn what_a_rotated_work_system_cannot_do_is_refused() {
         ),
         (
             "G10 L2 P2 R30\nG10 L20 P2 X5\nM2",
-            &[("G10", "work system 2 is rotated, and not in force")],
+            &[("G10", "work system 2 is rotated, and where Y is in it is not known here")],
         ),
     ]);
 }
@@ -527,6 +543,12 @@ fn parameters_begin_with_the_values_of_a_parameter_file() {
     ]);
     let loaded = read(&with("G0 X1\n", "31 1"));
     assert_eq!(loaded.findings[0].source.line, 1);
+    // What a run keeps of rotations, also in an empty file. The first depends on what was there before.
+    let loaded = read(&with("G0 X1 Y0\nG10 L2 P1 R30\nG10 L2 P2 R5\nM2", ""));
+    assert_eq!(loaded.findings, []);
+    let left: Vec<_> =
+        loaded.left.iter().map(|it| (it.number, it.began, it.value, it.is_read)).collect();
+    assert_eq!(left, [(5230, 0.0, 30.0, true), (5250, 0.0, 5.0, false)]);
     let rotated = "the parameter file rotates work system 1 by 90 degrees";
     check(&[(&with("G0 X1 Y0\nM2", "5230 90"), "rapid X0 Y1 Z0 named XY; M2", &[rotated])]);
 }

@@ -52,6 +52,27 @@ fn a_run_goes_on_with_what_is_computed_from_its_probe() {
 }
 
 #[test]
+fn a_block_that_needs_the_place_is_waited_for_as_a_reading_is() {
+    for (program, wanted, line_awaited) in [
+        // Plasma: 12 mm below, and up by 2; that is the zero, and from there to 5.
+        ("G91 G1 Z2\nG90 G92 Z0\nG0 Z5\nX20\n", [-280.0, -200.0, -55.0], 5),
+        ("G91 G18 G2 X4 Z0 I2 K0 F900\nG90 G17\n", [-296.0, -200.0, -62.0], 4),
+        // X of the program is Y of the machine.
+        ("G10 L2 P1 R[90+0*#5063]\nG0 Z5\nX20 Y0\n", [-300.0, -180.0, -45.0], 4),
+    ] {
+        for firmware in Firmware::ALL {
+            let mut line = machine(firmware, -62.0);
+            let program = format!("G21 G90 G94 G54\nG0 X0 Y0 Z2\nG38.2 Z-30 F100\n{program}M2\n");
+            let (result, waited) = run(&mut line, &program);
+            assert_eq!(result.outcome, RunOutcome::Succeeded, "{firmware}: {result:?}");
+            assert_eq!(waited, [line_awaited], "{firmware}: {program}");
+            assert!(near(&line, wanted), "{firmware}: {program} {:?}", line.axes());
+            assert!(!has_said(&line, "PATH_DEVIATION"), "{firmware}: {:#?}", line.log);
+        }
+    }
+}
+
+#[test]
 fn each_probe_of_a_loop_is_waited_for() {
     let program = "G21 G90 G94 G54\n#<_sum>=0\no1 repeat [3]\nG38.2 Z-30 F400\n#<_sum>=[#<_sum>+#5063]\nG91 G0 Z4\nX10\n\
                    G90\no1 endrepeat\nG0 Z5\nG1 Z[#<_sum>/3] F600\nM2\n";

@@ -107,7 +107,7 @@ impl Driver {
             commander_seen,
             ros_loss,
             is_single_block,
-            // A run or a check clears it when it begins.
+            // A run clears it when it begins.
             not_checked: BTreeSet::new(),
             outputs: VecDeque::new(),
         };

@@ -72,7 +72,7 @@ pub(super) struct Context {
     pub(super) ros_loss: Option<RosLoss>,
     /// The machine stops after every block and waits for a resume.
     pub(super) is_single_block: bool,
-    /// What cannot be checked of the run or of the program that is checked, as it was said.
+    /// What cannot be checked of the run, as it was said.
     pub(super) not_checked: BTreeSet<String>,
     /// What the process around the driver has not taken yet.
     pub(super) outputs: VecDeque<Output>,
@@ -103,7 +103,7 @@ impl Context {
         self.outputs.push_back(Output::Log { level, message: message.into() });
     }
 
-    /// Says what cannot be checked: once in a run or a check, although it is judged in parts.
+    /// Says once in a run what cannot be checked of it, although it is judged in several parts.
     pub(super) fn log_not_checked(&mut self, level: LogLevel, message: String) {
         if self.not_checked.insert(message.clone()) {
             self.log(level, message);

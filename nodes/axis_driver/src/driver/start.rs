@@ -49,7 +49,7 @@ impl Driver {
         if !is_only_encoded && let Some(refusal) = request.frame_obstacle(&self.context.machine) {
             return Some(Err(refusal));
         }
-        if !is_in_change {
+        if !is_only_encoded && !is_in_change {
             self.context.not_checked.clear();
         }
         let config = self.context.encoder_config();

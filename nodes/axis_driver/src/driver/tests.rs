@@ -289,6 +289,17 @@ fn each_check_says_what_it_could_not_judge() {
 }
 
 #[test]
+fn a_check_beside_a_run_takes_no_words_from_it() {
+    let mut bench = Bench::running(straight(60));
+    let count = |bench: &Bench| bench.log.matches("the travel was not checked").count();
+    let of_run = count(&bench);
+    bench.run_program(straight(3), 0, true);
+    bench.wait(100);
+    assert_eq!((of_run, count(&bench)), (1, 2), "{}", bench.log);
+    assert_eq!(bench.driver.context.not_checked.len(), 1, "the run has said it");
+}
+
+#[test]
 fn a_cancel_stops_the_run_whatever_else_is_being_checked() {
     let mut bench = Bench::running(straight(60));
     let mut long = straight(20_000);

@@ -212,7 +212,7 @@ impl Interpreter<'_> {
             // The change stops the spindle.
             self.modal.spindle = SpindleMode::Off;
             self.act(Action::ChangeTool { tool });
-            self.axes.end_drift();
+            self.axes.end_drift(Cause { source: self.source, word: "M6" });
         } else if !self.request.present.contains(b'T') {
             let message = "M6 without a tool: no T has been programmed".to_owned();
             let help = "write T with the number of the tool into this block or before it";

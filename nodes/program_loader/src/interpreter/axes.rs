@@ -19,9 +19,13 @@ pub(super) struct Cause {
 pub(super) struct Axes {
     /// mm in the work frame; the last known value of an axis that is not known.
     pub(super) position: Position,
+    /// In a rotated work system these sets are still about the axes of the machine: who relies on X there
+    /// relies on both.
     unknown: AxisSet,
     /// Of the unknown ones, those that stand where a probe has ended, or by so much from there.
     drifting: AxisSet,
+    /// Those that stand where a probe has ended without a touch, or by so much from there.
+    missed: AxisSet,
     poisoned: AxisSet,
     /// Axes that no move has named since the start.
     unnamed: AxisSet,
@@ -46,6 +50,7 @@ impl Axes {
             position: start,
             unknown: AxisSet::NONE,
             drifting: AxisSet::NONE,
+            missed: AxisSet::NONE,
             poisoned: AxisSet::NONE,
             unnamed: AxisSet::ALL,
             causes: [Cause::default(); 3],
@@ -72,6 +77,7 @@ impl Axes {
     #[inline]
     pub(super) fn know(&mut self, axes: AxisSet) {
         self.unknown = self.unknown.without(axes);
+        self.missed = self.missed.without(axes);
         self.poisoned = self.poisoned.without(axes);
         self.unnamed = self.unnamed.without(axes);
     }
@@ -80,6 +86,7 @@ impl Axes {
     pub(super) fn lose(&mut self, axes: AxisSet, cause: Cause) {
         self.unknown = self.unknown.union(axes);
         self.drifting = self.drifting.without(axes);
+        self.missed = self.missed.without(axes);
         self.unnamed = self.unnamed.without(axes);
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
             self.causes[axis] = cause;
@@ -92,9 +99,19 @@ impl Axes {
         self.drifting = self.drifting.union(axes);
     }
 
+    /// The probe that these axes have moved in has ended without a touch.
+    pub(super) fn miss(&mut self, axes: AxisSet) {
+        self.missed = self.missed.union(axes);
+    }
+
+    /// Those of some axes that stand where a probe has ended without a touch, or by so much from there.
+    pub(super) fn missed(&self, axes: AxisSet) -> AxisSet {
+        AxisSet::from_bits(axes.bits() & self.missed.bits())
+    }
+
     /// What happens now may leave them elsewhere, or in another frame: no axis can be moved by so much.
-    pub(super) fn end_drift(&mut self) {
-        self.drifting = AxisSet::NONE;
+    pub(super) fn end_drift(&mut self, cause: Cause) {
+        self.lose(self.drifting(AxisSet::ALL), cause);
     }
 
     /// Those of some axes that can be moved by so much, wherever they are.

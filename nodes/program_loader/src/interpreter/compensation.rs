@@ -328,6 +328,12 @@ impl Interpreter<'_> {
 
     #[cold]
     fn select(&mut self, scene: &mut Scene<'_>, side: CutterSide, is_dynamic: bool, at: usize) {
+        // Its first move relies on where the tool is, and no stretch begins then.
+        let [first, second, _] = self.modal.plane.axes();
+        let drifting = self.axes.drifting(AxisSet::NONE.with(first).with(second));
+        if !drifting.is_empty() {
+            self.asks_for_stretch(scene, drifting);
+        }
         match self.rules.radius_word {
             RadiusWord::ModalOffset => return self.select_with_offset(scene, side, at),
             RadiusWord::Set => {

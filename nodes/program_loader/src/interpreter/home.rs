@@ -28,6 +28,7 @@ impl Interpreter<'_> {
         }
         let further = self.further_values(scene);
         let mut via = self.end(scene);
+        self.check_turned_reference(scene, via.named, at);
         let mut named = via.named;
         // G91 and 0: there is no point to go by.
         let is_direct = self.modal.distance == Distance::Incremental
@@ -47,7 +48,7 @@ impl Interpreter<'_> {
         let stays = stays.fold(AxisSet::NONE, AxisSet::with);
         via.named = via.named.without(stays);
         via.relative = via.relative.without(stays);
-        let via = self.turn_end(via);
+        let via = self.with_turned_axes(via);
         let is_sound = self.relies(scene, via.relative);
         let arrives = self.arrive(&via);
         if named.is_empty() {
@@ -65,8 +66,23 @@ impl Interpreter<'_> {
         }
         let word = if second { "G30" } else { "G28" };
         let cause = Cause { source: self.source, word };
-        self.axes.lose(self.turned(named), cause);
+        self.axes.lose(self.turned_axes(named), cause);
         self.further.lose(further, cause);
+    }
+
+    /// In a rotated work system, one of X and Y alone leads along neither of the axes.
+    fn check_turned_reference(&mut self, scene: &mut Scene<'_>, named: AxisSet, at: usize) {
+        if self.turned_axes(named) == named {
+            return;
+        }
+        let word = scene.quote(at);
+        let degrees = self.rotation(u32::from(self.modal.work_offset));
+        let message = format!(
+            "{word} of one of X and Y alone, and the work system is rotated by {degrees} degrees"
+        );
+        let help =
+            "name both X and Y: the stored position is one of the machine, which is not rotated";
+        self.report_at(scene, at, Code::Axes, message, help);
     }
 
     /// G28 and G30 take other axes with X, Y or Z, and by no point of their own.
@@ -93,7 +109,7 @@ impl Interpreter<'_> {
         let distance = std::mem::replace(&mut self.modal.distance, Distance::Absolute);
         let shift = std::mem::take(&mut self.modal.shift);
         let end = self.end(scene);
-        let concerned = self.turned(end.named);
+        let concerned = self.turned_axes(end.named);
         self.modal.shift = shift;
         self.modal.distance = distance;
         self.axes.position = position;

@@ -258,7 +258,7 @@ impl Interpreter<'_> {
         if let Shape::Arc(arc) = &self.shape_out(shape) {
             self.bounds.add_arc(self.out(start), self.out(end), arc);
         }
-        self.bounds.add_end(self.out(end), self.turned(axes));
+        self.bounds.add_end(self.out(end), self.turned_axes(axes));
     }
 
     #[inline]
@@ -281,7 +281,8 @@ impl Interpreter<'_> {
             _ => 0.0,
         };
         self.further_along();
-        let (shape, end, axes) = (self.shape_out(shape), self.out(end), self.turned(axes));
+        self.moves_in_system();
+        let (shape, end, axes) = (self.shape_out(shape), self.out(end), self.turned_axes(axes));
         self.emit(ContourEventKind::Motion(Motion { shape, end, class, feed_mm_per_min, axes }));
     }
 
@@ -337,7 +338,7 @@ impl Interpreter<'_> {
     /// Whether a motion may rely on the position of some axes; reports the first that is unknown.
     #[inline]
     pub(super) fn relies(&mut self, scene: &mut Scene<'_>, axes: AxisSet) -> bool {
-        match self.axes.rely_on(self.turned(axes)) {
+        match self.axes.rely_on(self.turned_axes(axes)) {
             Reliance::Known => true,
             Reliance::Assumed(assumed) => {
                 self.contour.assumed_axes = self.contour.assumed_axes.union(assumed);

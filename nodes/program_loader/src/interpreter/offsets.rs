@@ -77,6 +77,9 @@ impl Interpreter<'_> {
         }
         if word == OffsetWord::Axis {
             let is_known = self.relies(scene, named) & self.relies_on_further(scene, further);
+            if is_known {
+                self.check_touched(scene, named, at);
+            }
             if !is_known || self.request.is_damaged {
                 self.further.poison(further);
                 return self.axes.poison(named);
@@ -132,23 +135,21 @@ impl Interpreter<'_> {
     /// G10 L2 and L20.
     fn set_work_offset(&mut self, scene: &mut Scene<'_>, at: usize) {
         let mode = self.take_number(scene, b'L');
+        if mode == Some(0) {
+            let message = "G10 L0 has no effect: the planner reads the tool table when it plans";
+            let finding = Finding::warning(Code::Unsupported, scene.source_of(at), message);
+            return scene.findings.push(finding.help("delete it"));
+        }
         let system = self.take_number(scene, b'P');
         if let Some(mode @ (1 | 10 | 11)) = mode {
             return self.set_tool(scene, mode, system, at);
         }
-        let (mut named, values) = self.axis_values(scene);
+        let (named, values) = self.axis_values(scene);
         let further = self.further_values(scene);
-        let turn = self.take(b'R');
+        let degrees = self.take(b'R');
         let by_position = match mode {
             Some(2) => false,
             Some(20) => true,
-            Some(0) => {
-                let message = "G10 L0 has no effect: the planner always has the newest tool table";
-                let source = scene.source_of(at);
-                return scene
-                    .findings
-                    .push(Finding::warning(Code::Unsupported, source, message).help("delete it"));
-            }
             Some(other) => {
                 let message = format!("G10 has no L{other}");
                 return self.report(scene, b'L', Code::BadNumber, message, "write L2 or L20");
@@ -179,59 +180,92 @@ impl Interpreter<'_> {
             let message = "G10 L20 does not take R".to_owned();
             return self.report(scene, b'R', Code::Syntax, message, "delete R");
         }
-        if turn.is_some_and(f64::is_nan) {
+        if degrees.is_some_and(f64::is_nan) {
             self.request.has_refused_word = true;
             return self.axes.poison(TURNED);
         }
         if self.request.is_damaged {
             return;
         }
-        if let Some(degrees) = turn {
+        if let Some(degrees) = degrees {
             self.set_rotation(system, degrees);
         }
         if named.is_empty() && further.is_empty() {
             return;
         }
-        let further = further.map(|axis, value| match by_position {
-            true => value + self.further.shift.get(axis).unwrap_or(0.0),
-            false => value,
-        });
+        match by_position {
+            true => self.stand_in(scene, at, system, (named, values), further),
+            false => self.put_zero(system, named, values, further),
+        }
+    }
+
+    /// G10 L2: the zero of a work system comes to a place of the machine.
+    fn put_zero(&mut self, system: u32, named: AxisSet, origin: Position, further: FurtherAxes) {
         if !further.is_empty() {
             self.act_further(further, FurtherMode::Along);
         }
-        let mut origin = [0.0; 3];
-        for axis in (0..3).filter(|&axis| named.contains(axis)) {
-            let shift = if by_position { self.modal.shift[axis] } else { 0.0 };
-            origin[axis] = values[axis] + shift;
-        }
-        if by_position {
-            // The other axis keeps its place, along the rotated system.
-            let both = self.turned_in(system, named);
-            let kept = both.without(named);
-            if !kept.is_empty() && system != active {
-                let message = format!("work system {system} is rotated, and not in force");
-                let help = "name both X and Y";
-                return self.report_at(scene, at, Code::MissingWord, message, help);
-            }
-            if !kept.is_empty() && !self.relies(scene, kept) {
-                return;
-            }
-            for axis in (0..3).filter(|&axis| kept.contains(axis)) {
-                origin[axis] = self.axes.position[axis];
-            }
-            named = both;
-        }
-        let zero = if by_position { self.out_of(system, origin) } else { origin };
         let axes = named;
-        self.act(Action::SetWorkOffset { system: system as u8, axes, origin: zero, by_position });
-        self.store_offset(system, named, (!by_position).then_some(origin));
-        self.store_further_offset(system, further, by_position);
-        if system == active && by_position {
-            self.stand(named, origin, further);
-        } else if system == active {
+        let number = system as u8;
+        self.act(Action::SetWorkOffset { system: number, axes, origin, by_position: false });
+        self.store_offset(system, named, Some(origin));
+        self.store_further_offset(system, further, false);
+        if system == u32::from(self.modal.work_offset) {
             let cause = Cause { source: self.source, word: "G10" };
-            self.axes.lose(self.turned(named), cause);
+            self.axes.lose(self.turned_axes(named), cause);
             self.further.lose(further, cause);
+        }
+    }
+
+    /// G10 L20: the tool stands at a place of a work system.
+    fn stand_in(
+        &mut self,
+        scene: &mut Scene<'_>,
+        at: usize,
+        system: u32,
+        (named, values): (AxisSet, Position),
+        further: FurtherAxes,
+    ) {
+        let is_active = system == u32::from(self.modal.work_offset);
+        let mut place = self.axes.position;
+        for axis in (0..3).filter(|&axis| named.contains(axis)) {
+            place[axis] = values[axis] + self.modal.shift[axis];
+        }
+        // In a rotated system the other axis keeps its place.
+        let axes = self.turned_axes_in(system, named);
+        let kept = axes.without(named);
+        if !kept.is_empty() && !is_active {
+            let message = format!(
+                "work system {system} is rotated, and where {} is in it is not known here",
+                kept.letters()
+            );
+            let help = "name both X and Y, or select the work system and move both before it";
+            return self.report_at(scene, at, Code::MissingWord, message, help);
+        }
+        if !self.relies(scene, kept) {
+            return;
+        }
+        if is_active {
+            self.check_touched(scene, axes, at);
+        }
+        if self.request.is_damaged {
+            return;
+        }
+        let further =
+            further.map(|axis, value| value + self.further.shift.get(axis).unwrap_or(0.0));
+        if !further.is_empty() {
+            self.act_further(further, FurtherMode::Along);
+        }
+        let out = self.out_from(system, place);
+        let mut origin = [0.0; 3];
+        for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+            origin[axis] = out[axis];
+        }
+        let number = system as u8;
+        self.act(Action::SetWorkOffset { system: number, axes, origin, by_position: true });
+        self.store_offset(system, axes, None);
+        self.store_further_offset(system, further, true);
+        if is_active {
+            self.stand(axes, place, further);
         }
     }
 

@@ -20,6 +20,7 @@ use cnc_msgs::geometry::{AxisSet, Position, Shape};
 use cnc_msgs::probing::ProbeResult;
 use cnc_msgs::units::received_mm;
 use std::cell::Cell;
+use std::sync::Arc;
 
 /// `#5061`.
 const FIRST_RESULT: u32 = 5061;
@@ -28,7 +29,7 @@ const FIRST_RESULT: u32 = 5061;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Probes {
     /// Of the run, in its order.
-    results: Vec<ProbeResult>,
+    results: Arc<[ProbeResult]>,
     /// At which share of its way a probe is taken to touch that has no result.
     touch_at: Option<f64>,
     /// The first block that reads a result which was made up so.
@@ -69,7 +70,8 @@ impl Interpreter<'_> {
         let is_sound = self.relies(scene, end.relative.without(drifting))
             & self.has_feed(scene, MotionClass::Feed);
         let from = self.axes.position;
-        let stays = self.axes.rely_on(end.named.without(drifting)) == Reliance::Known
+        let relied = self.turned_axes(end.named.without(drifting));
+        let stays = self.axes.rely_on(relied) == Reliance::Known
             && (0..3).all(|axis| (from[axis] - end.position[axis]).abs() < STAYS_MM);
         if stays && is_sound && !self.request.is_damaged {
             let message = format!("{word} ends where it begins");
@@ -82,12 +84,15 @@ impl Interpreter<'_> {
             self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, MotionClass::Feed, end.named);
         }
-        self.count_probe(from, end.named);
         self.axes.drift(end.named, Cause { source: self.source, word });
+        if !self.count_probe(from, end.named) {
+            self.axes.miss(end.named);
+        }
     }
 
-    /// A probe has moved these axes, at the most to where they are now.
-    fn count_probe(&mut self, from: Position, named: AxisSet) {
+    /// A probe has moved these axes, at the most to where they are now. False if it is known not to have
+    /// touched.
+    fn count_probe(&mut self, from: Position, named: AxisSet) -> bool {
         let end = self.axes.position;
         let made_up = |share: f64| {
             let contact = std::array::from_fn(|axis| from[axis] + share * (end[axis] - from[axis]));
@@ -106,6 +111,7 @@ impl Interpreter<'_> {
         for axis in (0..3).filter(|&axis| named.contains(axis)) {
             self.probes.off[axis] = result.map_or(0.0, |result| result.stands[axis] - end[axis]);
         }
+        result.is_none_or(|result| result.has_touched)
     }
 
     /// A result as the program reads it.
@@ -124,7 +130,7 @@ impl Interpreter<'_> {
     /// Takes what the probes of a run have found so far, and at which share of its way each other one is
     /// taken to touch.
     pub(crate) fn take_results(&mut self, results: Vec<ProbeResult>, touch_at: Option<f64>) {
-        (self.probes.results, self.probes.touch_at) = (results, touch_at);
+        (self.probes.results, self.probes.touch_at) = (results.into(), touch_at);
     }
 
     /// The first block that reads a result which no probe has found.
@@ -185,6 +191,22 @@ impl Interpreter<'_> {
         is_asked
     }
 
+    /// Refuses to take the place of the tool for that of the workpiece, where a probe has not touched.
+    pub(super) fn check_touched(&mut self, scene: &mut Scene<'_>, named: AxisSet, at: usize) {
+        let missed = self.axes.missed(self.turned_axes(named));
+        if missed.is_empty() {
+            return;
+        }
+        let message = format!(
+            "{} counts {} from where the tool is, and the probe there has not touched",
+            scene.quote(at),
+            missed.letters()
+        );
+        let help = "test #5070 before it: 0 says that the probe has not touched; or use G38.2 or G38.4, \
+                    which end the run then";
+        self.report_at(scene, at, Code::Axes, message, help);
+    }
+
     /// The state before a block that may need a stretch, without the events; `None` for other blocks.
     #[inline]
     pub(crate) fn before_stretch(&mut self) -> Option<Self> {
@@ -195,6 +217,12 @@ impl Interpreter<'_> {
         let state = self.clone();
         self.contour.events = events;
         Some(state)
+    }
+
+    /// No stretch begins, because of an error that has been reported.
+    pub(crate) fn forget_stretch(&mut self) {
+        self.probes.is_asked.set(false);
+        self.axes.poison(self.axes.drifting(AxisSet::ALL));
     }
 
     /// As if the block had not been executed, but for its events.
@@ -225,7 +253,9 @@ impl Interpreter<'_> {
             let place = std::array::from_fn(|axis| {
                 received_mm(self.axes.position[axis] + self.probes.off[axis])
             });
+            let missed = self.axes.missed(drifting);
             self.stand(drifting, place, FurtherAxes::NONE);
+            self.axes.miss(missed);
         }
         true
     }

@@ -144,7 +144,7 @@ impl Interpreter<'_> {
         if self.modal.compensation.is_selected() {
             return Err(Trouble::CompensatedPosition);
         }
-        match self.axes.rely_on(AxisSet::NONE.with(axis)) {
+        match self.axes.rely_on(self.turned_axes(AxisSet::NONE.with(axis))) {
             Reliance::Unknown(_) if self.axes.is_drifting(axis) => {
                 let place = self
                     .measured(axis)

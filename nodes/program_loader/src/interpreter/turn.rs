@@ -11,6 +11,7 @@ use crate::parameter_file::{Left, Stored};
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
+use std::collections::BTreeMap;
 
 /// The axes that a rotation mixes.
 pub(super) const TURNED: AxisSet = AxisSet::NONE.with(0).with(1);
@@ -23,6 +24,23 @@ pub(super) const fn rotation_number(system: u32) -> u32 {
 /// Whether a parameter is the rotation of a work system.
 pub(super) const fn is_rotation(number: u32) -> bool {
     matches!(number, 5230..=5390) && (number - 5230).is_multiple_of(20)
+}
+
+/// The rotations that a program has set.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Rotations {
+    set: BTreeMap<u32, SetRotation>,
+    /// The work systems in which it has moved, as bits.
+    moved_in: u16,
+}
+
+/// A rotation that a program has set.
+#[derive(Debug, Clone, Copy)]
+struct SetRotation {
+    /// The last block that has.
+    source: Source,
+    /// The program has moved before as it was rotated at the beginning.
+    is_read: bool,
 }
 
 /// A rotation about Z, counterclockwise.
@@ -91,7 +109,9 @@ impl Interpreter<'_> {
     /// G10 L2 R.
     pub(super) fn set_rotation(&mut self, system: u32, degrees: f64) {
         self.stored.insert(rotation_number(system), degrees);
-        self.rotated_in.insert(system, self.source);
+        let is_read = self.rotations.moved_in >> system & 1 == 1;
+        let first = SetRotation { source: self.source, is_read };
+        self.rotations.set.entry(system).or_insert(first).source = self.source;
         if system == u32::from(self.modal.work_offset) {
             self.turn_to(system, Cause { source: self.source, word: "G10" });
         }
@@ -99,12 +119,12 @@ impl Interpreter<'_> {
 
     /// The axes of the controller that a move of these axes of the program concerns.
     #[inline]
-    pub(super) fn turned(&self, axes: AxisSet) -> AxisSet {
+    pub(super) fn turned_axes(&self, axes: AxisSet) -> AxisSet {
         mixed(self.modal.turn, axes)
     }
 
     /// The same in another work system.
-    pub(super) fn turned_in(&self, system: u32, axes: AxisSet) -> AxisSet {
+    pub(super) fn turned_axes_in(&self, system: u32, axes: AxisSet) -> AxisSet {
         mixed(Turn::new(self.rotation(system)), axes)
     }
 
@@ -112,13 +132,13 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn turned_end(&mut self, scene: &mut Scene<'_>) -> End {
         let end = self.end(scene);
-        self.turn_end(end)
+        self.with_turned_axes(end)
     }
 
     /// The same for an end that was read.
     #[inline]
-    pub(super) fn turn_end(&self, end: End) -> End {
-        let named = self.turned(end.named);
+    pub(super) fn with_turned_axes(&self, end: End) -> End {
+        let named = self.turned_axes(end.named);
         let relative = end.relative.union(named.without(end.named));
         End { named, relative, ..end }
     }
@@ -135,8 +155,14 @@ impl Interpreter<'_> {
     }
 
     /// A place in another work system of the program, in that of the controller.
-    pub(super) fn out_of(&self, system: u32, place: Position) -> Position {
+    pub(super) fn out_from(&self, system: u32, place: Position) -> Position {
         Turn::out(place, Turn::new(self.rotation(system)))
+    }
+
+    /// The program moves in the work system in force.
+    #[inline]
+    pub(super) fn moves_in_system(&mut self) {
+        self.rotations.moved_in |= 1 << self.modal.work_offset;
     }
 
     /// A shape in the work system of the controller. Arcs are in XY.
@@ -167,8 +193,9 @@ impl Interpreter<'_> {
             "{what} in the plane {plane}, and the work system is rotated by {} degrees",
             self.rotation(system)
         );
-        let help = format!("write it as lines, or G10 L2 P{system} R0 before it");
-        self.report_block(scene, Code::Axes, message, &help);
+        let help =
+            "turn the part in the CAM system in place of the work system, or post it for G17";
+        self.report_block(scene, Code::Axes, message, help);
     }
 
     /// Where the tool stands at the beginning, and how the first work system is rotated.
@@ -179,10 +206,10 @@ impl Interpreter<'_> {
 
     /// The rotations that the program has set last.
     pub(crate) fn rotations_left(&self) -> impl Iterator<Item = RotationLeft> {
-        self.rotated_in.iter().map(|(&system, &source)| RotationLeft {
+        self.rotations.set.iter().map(|(&system, &set)| RotationLeft {
             system,
             degrees: self.rotation(system),
-            source,
+            set,
         })
     }
 }
@@ -192,7 +219,7 @@ impl Interpreter<'_> {
 pub(crate) struct RotationLeft {
     system: u32,
     degrees: f64,
-    source: Source,
+    set: SetRotation,
 }
 
 impl RotationLeft {
@@ -200,12 +227,12 @@ impl RotationLeft {
     pub(crate) fn left(&self, begun: &[Stored]) -> Left {
         let number = rotation_number(self.system);
         let began = begun.iter().find(|it| it.number == number).map_or(0.0, |it| it.value);
-        Left { number, began, value: self.degrees, is_read: false }
+        Left { number, began, value: self.degrees, is_read: self.set.is_read }
     }
 
     /// Without a file: says that the rotation ends with the program, if there is one.
     pub(crate) fn forgotten(&self) -> Option<Finding> {
-        let Self { system, degrees, source } = *self;
+        let Self { system, degrees, set: SetRotation { source, .. } } = *self;
         Turn::new(degrees)?;
         let message = format!(
             "work system {system} is rotated by {degrees} degrees until this program ends, and not \

@@ -22,9 +22,19 @@ pub(in crate::driver) struct WorkplaceCheck {
     /// The stored positions that it is judged by.
     pub(in crate::driver) offsets: StoredOffsets,
     check_travel: CheckTravel,
+    /// It is a part of a run, and no check beside one.
+    is_of_run: bool,
     /// Elements that were judged in slices, and how many are to be.
     judged: usize,
     until: usize,
+}
+
+/// A check says it each time, a run once for all of its parts.
+fn log_not_checked(context: &mut Context, is_of_run: bool, level: LogLevel, text: String) {
+    match is_of_run {
+        true => context.log_not_checked(level, text),
+        false => context.log(level, text),
+    }
 }
 
 /// Elements that are judged in one go, where nothing else is done with them.
@@ -43,6 +53,7 @@ impl WorkplaceCheck {
         if check_travel == CheckTravel::Off && context.config.keep_out.keep_out.is_empty() {
             return None;
         }
+        let is_of_run = !request.is_only_encoded(context);
         let machine = &context.machine;
         let homes = !machine.is_homed && first_element == 0 && homes_first(&request.path);
         // Where the axes stand before that, they stand in another frame.
@@ -55,7 +66,7 @@ impl WorkplaceCheck {
                     false => "travel and keep-out boxes were",
                 };
                 let text = format!("{what} not checked: {because}");
-                context.log_not_checked(LogLevel::Warn, text);
+                log_not_checked(context, is_of_run, LogLevel::Warn, text);
                 return None;
             }
         };
@@ -68,7 +79,7 @@ impl WorkplaceCheck {
         limits.offsets = began_with.unwrap_or(offsets);
         let envelope = Envelope::new(&limits, &request.path, first_element, workplace);
         let until = request.path.elements.len();
-        Some(Self { envelope, offsets, check_travel, judged: 0, until })
+        Some(Self { envelope, offsets, check_travel, is_of_run, judged: 0, until })
     }
 
     /// The same for the rest of a run that is under way: the path has set offsets before it.
@@ -144,7 +155,7 @@ impl WorkplaceCheck {
             false => LogLevel::Warn,
         };
         for what in report.not_judged {
-            context.log_not_checked(level, format!("not checked: {what}"));
+            log_not_checked(context, self.is_of_run, level, format!("not checked: {what}"));
         }
         let first = errors.first()?;
         let code = match first.code {
