@@ -399,6 +399,22 @@ fn a_rotated_work_system_turns_what_the_program_writes() {
 }
 
 #[test]
+fn a_centre_that_fits_the_other_way_is_said_to() {
+    let arc = "G2 X-26.513 Y4.495 I-24.273 J0.025\nM2";
+    for (before, word) in [("", "G90.1"), ("G90.1 ", "G91.1")] {
+        let arc = match word {
+            "G90.1" => arc.to_owned(),
+            _ => arc.replace("I-24.273 J0.025", "I-2.138 J4.52"),
+        };
+        let approach = "F100 G0 X-22.135 Y-4.495 Z2";
+        let loaded = read(&format!("{before}{approach}\n{arc}"));
+        let [error] = &loaded.findings[..] else { panic!("{:?}", loaded.findings) };
+        assert!(error.help.contains(&format!("write {word}")), "{error:?}");
+        assert!(read(&format!("{before}{approach}\n{word}\n{arc}")).is_accepted());
+    }
+}
+
+#[test]
 fn a_place_that_is_read_in_a_rotated_system_relies_on_both_axes() {
     for (text, wanted) in [
         ("G0 X10\nG10 L2 P1 R90\n#1=#5420\nG0 X0 Y0\nM2", "Y"),

@@ -5,7 +5,7 @@
 use super::arc::{self, ArcTrouble, InPlane, Resolved};
 use super::moves::CENTER_WORDS;
 use super::{Interpreter, Scene};
-use crate::dialect::{Distance, Units};
+use crate::dialect::{Distance, GWord, Units};
 use crate::limits::{
     ARC_MISMATCH_INCH, ARC_MISMATCH_MM, ARC_R_SHORT_INCH, ARC_R_SHORT_MM, ARC_TURNS_MAX,
     COORDINATE_MM_MAX, MM_PER_INCH,
@@ -123,25 +123,31 @@ impl Interpreter<'_> {
             Units::Millimetre => (ARC_MISMATCH_MM, ARC_R_SHORT_MM),
             Units::Inch => (ARC_MISMATCH_INCH * MM_PER_INCH, ARC_R_SHORT_INCH * MM_PER_INCH),
         };
-        let resolved = if let Some(radius) = radius {
-            arc::with_radius(from, to, radius, clockwise, short)
-        } else {
-            let shift = [self.modal.shift[first], self.modal.shift[second]];
-            let base = if is_absolute { shift } else { from };
+        let shift = [self.modal.shift[first], self.modal.shift[second]];
+        let about = |base: InPlane| {
             let center = [base[0] + offsets[0].unwrap_or(0.0), base[1] + offsets[1].unwrap_or(0.0)];
             arc::about_center(from, to, center, mismatch)
+        };
+        let resolved = match radius {
+            Some(radius) => arc::with_radius(from, to, radius, clockwise, short),
+            None if is_absolute => about(shift),
+            None => about(from),
         };
         match resolved {
             Ok(resolved) => Some(resolved),
             Err(trouble) => {
-                self.report_arc(scene, trouble);
+                let fits_otherwise =
+                    radius.is_none() && about(if is_absolute { from } else { shift }).is_ok();
+                let other = fits_otherwise.then_some(self.modal.centers);
+                self.report_arc(scene, trouble, other);
                 None
             }
         }
     }
 
+    /// `other`: how centres count now, where they would fit the other way.
     #[cold]
-    fn report_arc(&mut self, scene: &mut Scene<'_>, trouble: ArcTrouble) {
+    fn report_arc(&mut self, scene: &mut Scene<'_>, trouble: ArcTrouble, other: Option<Distance>) {
         let (message, help, numbers) = match trouble {
             ArcTrouble::ZeroRadius => (
                 "the arc has no radius".to_owned(),
@@ -183,6 +189,16 @@ impl Interpreter<'_> {
                 "program a straight line",
                 None,
             ),
+        };
+        let has_word = matches!((self.rules.dialect.g)(901), GWord::Centers(_));
+        let help = match other.filter(|_| has_word) {
+            Some(Distance::Incremental) => {
+                "the centre fits as absolute coordinates: write G90.1 before the first arc"
+            }
+            Some(Distance::Absolute) => {
+                "the centre fits if it counts from the start of the arc: write G91.1 before the first arc"
+            }
+            None => help,
         };
         self.request.is_damaged = true;
         let mut finding = Finding::error(Code::ArcRadius, self.source, message).help(help);
