@@ -425,7 +425,7 @@ impl Interpreter<'_> {
 
 /// Whether a coordinate is no place for a hole, mm.
 fn is_beyond(at: f64) -> bool {
-    !(at.abs() <= COORDINATE_MM_MAX)
+    at.is_nan() || at.abs() > COORDINATE_MM_MAX
 }
 
 impl Interpreter<'_> {

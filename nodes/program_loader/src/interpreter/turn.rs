@@ -23,7 +23,7 @@ pub(super) const fn rotation_number(system: u32) -> u32 {
 
 /// Whether a parameter is the rotation of a work system.
 pub(super) const fn is_rotation(number: u32) -> bool {
-    matches!(number, 5230..=5390 if (number - 5230) % 20 == 0)
+    matches!(number, 5230..=5390) && (number - 5230).is_multiple_of(20)
 }
 
 /// The rotations that a program has set.
