@@ -32,6 +32,9 @@ pub enum NoEntry {
     TooFew { line: u32, count: usize, occurrence: u32 },
     #[error("the start asks for time {occurrence} of a line, and names no line")]
     NoLine { occurrence: u32 },
+    /// With one result less, each would be taken for that of the probe before.
+    #[error("line {line} comes after the probe in line {probed}, and the program needs its result")]
+    SkippedProbe { line: u32, probed: u32 },
 }
 
 impl NoEntry {
@@ -43,6 +46,7 @@ impl NoEntry {
                 format!("say which one, from 1 to {count}: --occurrence, or occurrence of the goal")
             }
             Self::NoLine { .. } => "say which line: --start-line, or start_line of the goal".into(),
+            Self::SkippedProbe { probed, .. } => format!("begin at line {probed} or before"),
         }
     }
 }
@@ -74,8 +78,24 @@ impl CompensatedPath {
     ///
     /// # Errors
     /// No element is of that line or of a later one, or the line is not run so often, or several
-    /// times where none of them was asked for.
+    /// times where none of them was asked for; or a probe comes before it, and the program goes on with
+    /// the results of probes.
     pub fn entry(&self, line: u32, occurrence: u32) -> Result<Entry, NoEntry> {
+        let entry = self.find_entry(line, occurrence);
+        let skipped = match &entry {
+            Ok(entry) => &self.events[..entry.event],
+            Err(NoEntry::PastEnd { .. }) => &self.events[..],
+            Err(_) => &[],
+        };
+        let is_stretch = |event: &PathEvent| matches!(event.action, Action::Stretch { .. });
+        let is_probe = |event: &&PathEvent| matches!(event.action, Action::Probe(_));
+        match skipped.iter().find(is_probe).filter(|_| self.events.iter().any(is_stretch)) {
+            Some(probe) => Err(NoEntry::SkippedProbe { line, probed: probe.source.line }),
+            None => entry,
+        }
+    }
+
+    fn find_entry(&self, line: u32, occurrence: u32) -> Result<Entry, NoEntry> {
         if line == 0 && occurrence > 1 {
             return Err(NoEntry::NoLine { occurrence });
         }

@@ -271,6 +271,16 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
             "G43 H1; rapid X0 Y0 Z10 named Z; G43 H1 and 8; M2",
             &[],
         ),
+        (
+            "G10 L2 P1 Z-10\nG10 L2 P9 Z-50\nG43.1 Z7\nG0 Z10\nG92 Z1\nG10 L11 P2 Z2\nG43 H2\nM2",
+            "G10 L2 P1 Z-10; G10 L2 P9 Z-50; G43.1 Z7; rapid X0 Y0 Z10 named Z; G43.1 Z55; M2",
+            &[],
+        ),
+        (
+            "G59.3 G43.1 Z7\nG0 Z10\nG10 L11 P2 Z2\nG43 H2\nM2",
+            "G43.1 Z7; G59.3; rapid X0 Y0 Z10 named Z; G43.1 Z15; M2",
+            &[],
+        ),
         ("G59.1\nG0 X1\nG59.3\nM2", "G59.1; rapid X1 Y0 Z0 named X; G59.3; M2", &[]),
     ]);
     check_bad(&[
@@ -289,7 +299,11 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
         ),
         (
             "G10 L11 P1 Z3\nM2",
-            &[("L11", "G10 L11 measures in the work system G59.3, which only the machine knows")],
+            &[(
+                "L11",
+                "G10 L11 measures in the work system G59.3: its zero, or that of the one in force, is \
+                 known only by the machine",
+            )],
         ),
         ("G10 L1 P1 Z[1/0]\nM2", &[("/0", "a division by zero")]),
         (

@@ -706,7 +706,9 @@ def tool_table(program, rng):
         tool = rng.randint(1, 9)
         program.add(f"T{tool} M6", "G0 X1 Y2 Z3", rng.choice([
             f"G10 L1 P{tool} Z{rng.randint(1, 30)}", f"G10 L10 P{tool} Z{rng.randint(1, 30)}",
-            f"G10 L11 P{tool} Z{rng.randint(1, 30)}", f"G10 L1 P{tool} R{rng.randint(1, 5)}"]))
+            f"G10 L11 P{tool} Z{rng.randint(1, 30)}",
+            f"G10 L2 P1 Z4\nG10 L2 P9 Z{rng.randint(1, 30)}\nG0 Z3\nG10 L11 P{tool} Z{rng.randint(1, 30)}",
+            f"G10 L1 P{tool} R{rng.randint(1, 5)}"]))
         program.add("G43", "G0 X5 Y5 Z5")
 
 

@@ -19,7 +19,11 @@ fn a_run_begins_after_a_probe_only_where_the_program_says_where() {
     let computes = "G21 G90\nG0 X0 Y0 Z5\nG0 X2\nG38.2 Z-30 F100\nG0 Z5\nG0 X9\nG38.2 Z-30\nG0 Z[#5063+5]\nM2\n";
     let refusal = start(computes, 6).expect_err("it is refused").to_string();
     assert!(refusal.contains("line 6 comes after the probe in line 4"), "{refusal}");
+    // Of line 8 nothing is planned before the run.
+    let refusal = start(computes, 8).expect_err("it is refused").to_string();
+    assert!(refusal.contains("begin at line 4 or before"), "{refusal}");
     start(computes, 3).expect("both probes come after it");
+    start(computes, 4).expect("the probe itself is not skipped");
     let lifted = |program: &str, line| {
         let config = EncoderConfig { approach_z_mm: Some(-1.0), ..EncoderConfig::default() };
         start_at(Arc::new(path(program)), config, (line, 0), StartInSpan::Refused).map(|_| ())

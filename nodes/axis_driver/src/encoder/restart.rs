@@ -49,10 +49,6 @@ pub enum StartProblem {
     #[error("line {line} comes after {word}, which stores where the tool is: begin before it")]
     StoredPosition { line: u32, word: String },
     #[error(
-        "line {line} comes after the probe in line {probed}, and the program computes with its result: begin before it"
-    )]
-    SkippedProbe { line: u32, probed: u32 },
-    #[error(
         "line {line} comes after {letters} moves in line {moved}, and a start in the middle does \
          not move {letters} there: put {letters} where the program begins (kerf jog), then begin at line {moved} or \
          before it"
@@ -90,9 +86,6 @@ pub fn start_at(
     }
     encoder.next_element = index;
     encoder.next_event = entry.event;
-    if let Some(probed) = skipped_probe(&path.events, entry.event) {
-        return Err(StartProblem::SkippedProbe { line, probed });
-    }
     let is_left_out = |axes: FurtherAxes| axes.iter().all(|(axis, _)| encoder.leaves_out(axis));
     let restored = restored(&path.events[..encoder.next_event], line, is_left_out)?;
     let source_place = path.elements[index].source;
@@ -158,15 +151,6 @@ impl Encoder {
 /// The axes whose place counts, although the path does not say it.
 fn counted(unknown: &UnknownAxes) -> AxisSet {
     unknown.zeroed.map_or(unknown.relative, |(_, axes)| axes.union(unknown.relative))
-}
-
-/// The line of a probe before an event, where the program computes with results: with one less, each
-/// would be taken for that of the probe before.
-fn skipped_probe(events: &[PathEvent], before: usize) -> Option<u32> {
-    let is_stretch = |event: &PathEvent| matches!(event.action, Action::Stretch { .. });
-    let is_probe = |event: &&PathEvent| matches!(event.action, Action::Probe(_));
-    let probe = events[..before].iter().find(is_probe)?;
-    events.iter().any(is_stretch).then_some(probe.source.line)
 }
 
 /// The words before a line that are sent again: work offsets that the controller is to store, then

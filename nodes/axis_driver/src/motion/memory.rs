@@ -103,7 +103,8 @@ impl Memory {
         match &event.output {
             Output::State(state) => {
                 self.state = Some((event.at, state.clone()));
-                let waits = |event: &Event| matches!(&event.output, Output::Probes(it) if it.revision == state.path_revision);
+                let of = state.path_revision;
+                let waits = |event: &Event| matches!(&event.output, Output::Probes(it) if it.revision == of);
                 self.probes = self.probes.take().filter(waits);
             }
             Output::Settings(settings) => self.settings = Some((event.at, settings.clone())),

@@ -47,8 +47,8 @@ pub struct NoStart {
 /// whole, and whoever begins there cuts the same as whoever comes along it.
 ///
 /// # Errors
-/// The control does not begin under compensation, nothing is left from that line on, or the line is
-/// run several times and none was asked for.
+/// The control does not begin under compensation, nothing is left from that line on, the line is run
+/// several times and none was asked for, or a probe comes before it whose result is needed.
 pub fn start(
     contour: &ProgrammedContour,
     profile: &Profile,
@@ -63,9 +63,10 @@ pub fn start(
         let (line, nearest_occurrence) = match refused {
             NoEntry::PastEnd { last, .. } => (last, path.last_occurrence(last, None)),
             // Only the user knows which one is meant.
-            NoEntry::SeveralTimes { .. } | NoEntry::TooFew { .. } | NoEntry::NoLine { .. } => {
-                (0, 0)
-            }
+            NoEntry::SeveralTimes { .. }
+            | NoEntry::TooFew { .. }
+            | NoEntry::NoLine { .. }
+            | NoEntry::SkippedProbe { .. } => (0, 0),
         };
         let nearest = Source { line, ..of_line };
         Box::new(NoStart { finding, nearest, nearest_occurrence })

@@ -229,54 +229,40 @@ fn a_record_that_stops_in_mid_run_is_refused_whatever_it_says_of_itself() {
 
 #[test]
 fn a_bag_may_end_in_the_middle_of_what_is_loaded_after_its_run() {
-    let mut whole = TestBag::golden("rs274_stretches");
-    let mut revisions = Vec::new();
-    whole.change(|path: &mut wire::CompensatedPath| {
-        revisions.push(path.revision);
-        true
-    });
-    let (Some(&first), Some(&last)) = (revisions.first(), revisions.last()) else {
+    let whole = TestBag::golden("rs274_stretches");
+    let paths = whole.all::<wire::CompensatedPath>();
+    let (Some(first), Some(last)) = (paths.first(), paths.last()) else {
         panic!("a golden bag has paths");
     };
-    // When a run with stretches has ended, the program is published without results again.
-    for (revision, status) in [(last, 0), (last - 1, 2), (first, 2)] {
-        type Cut = fn(&mut TestBag, u64);
-        let cuts: [Cut; 3] = [
-            |bag, cut| bag.change(|it: &mut wire::PathChunk| it.revision != cut),
-            |bag, cut| bag.change(|it: &mut wire::CompensationReport| it.revision != cut),
-            |bag, cut| bag.change(|it: &mut wire::CompensatedPath| it.revision != cut),
-        ];
-        for cut in cuts {
-            let mut bag = whole.clone();
-            cut(&mut bag, revision);
-            let place = Folder::new();
-            let path = place.path().join("bag");
-            bag.write(&path, Form::OURS);
-            replay(&path, &[]).expect(status);
-        }
-    }
-    // It is the program of the run all the same.
-    let mut id = String::new();
-    whole.change(|path: &mut wire::CompensatedPath| {
-        if path.revision == first {
-            id.clone_from(&path.program_id);
-        }
-        true
-    });
-    type Cut = fn(&mut TestBag, &str);
-    let cuts: [Cut; 3] = [
-        |bag, id| bag.change(|it: &mut wire::Program| it.program_id != id),
-        |bag, id| bag.change(|it: &mut wire::ProgramChunk| it.program_id != id),
-        |bag, id| bag.change(|it: &mut wire::ContourChunk| it.program_id != id),
-    ];
-    for cut in cuts {
+    let replayed = |cut: &dyn Fn(&mut TestBag)| {
         let mut bag = whole.clone();
-        cut(&mut bag, &id);
+        cut(&mut bag);
         let place = Folder::new();
         let path = place.path().join("bag");
         bag.write(&path, Form::OURS);
-        replay(&path, &[]).expect(2);
+        replay(&path, &[])
+    };
+    // When a run with stretches has ended, the program is published without results again.
+    let (began, ended) = (first.revision, last.revision);
+    for (cut, status) in [(ended, 0), (ended - 1, 2), (began, 2)] {
+        let chunks = |bag: &mut TestBag| bag.change(|it: &mut wire::PathChunk| it.revision != cut);
+        let reports =
+            |bag: &mut TestBag| bag.change(|it: &mut wire::CompensationReport| it.revision != cut);
+        let paths =
+            |bag: &mut TestBag| bag.change(|it: &mut wire::CompensatedPath| it.revision != cut);
+        replayed(&chunks).expect(status);
+        replayed(&reports).expect(status);
+        replayed(&paths).expect(status);
     }
+    // It is the program of the run all the same.
+    let id = &first.program_id;
+    let programs = |bag: &mut TestBag| bag.change(|it: &mut wire::Program| it.program_id != *id);
+    let chunks = |bag: &mut TestBag| bag.change(|it: &mut wire::ProgramChunk| it.program_id != *id);
+    let contours =
+        |bag: &mut TestBag| bag.change(|it: &mut wire::ContourChunk| it.program_id != *id);
+    replayed(&programs).expect(2);
+    replayed(&chunks).expect(2);
+    replayed(&contours).expect(2);
 }
 
 /// Messages of a type that are left in a bag: those that `keeps` is true for, with their place.

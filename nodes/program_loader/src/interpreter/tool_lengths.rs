@@ -15,6 +15,9 @@ use cnc_msgs::further::FURTHER_LETTERS;
 use cnc_msgs::geometry::AxisSet;
 use std::collections::BTreeMap;
 
+/// G59.3, where G10 L11 measures.
+const FIXTURE: u32 = 9;
+
 /// A tool length along Z.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Length {
@@ -198,11 +201,6 @@ impl Interpreter<'_> {
         if radius.is_some_and(|radius| radius < 0.0) {
             return self.negative(scene, b'R');
         }
-        if mode == 11 {
-            let message = "G10 L11 measures in the work system G59.3, which only the machine knows";
-            let help = "write G10 L10, which measures in the work system in force";
-            return self.report(scene, b'L', Code::Unsupported, message.to_owned(), help);
-        }
         let length = match z {
             None => None,
             Some(z) if mode == 1 => Some(Length { tool: None, added_mm: z }),
@@ -212,7 +210,12 @@ impl Interpreter<'_> {
                     return;
                 }
                 let now = self.modal.length.unwrap_or_default();
-                let at_mm = self.axes.position[2] - self.modal.shift[2];
+                let position_mm = self.axes.position[2];
+                let at_mm = match (mode, self.above_fixture()) {
+                    (10, _) => position_mm - self.modal.shift[2],
+                    (_, Some(above_mm)) => position_mm + above_mm,
+                    (_, None) => return self.report_fixture(scene),
+                };
                 Some(Length { added_mm: now.added_mm + at_mm - z, ..now })
             }
         };
@@ -222,6 +225,25 @@ impl Interpreter<'_> {
         let entry = self.tool_entries.entry(tool).or_default();
         entry.length = length.or(entry.length);
         entry.radius_mm = radius.or(entry.radius_mm);
+    }
+
+    /// How far the zero of the work system in force is above that of G59.3, mm; `None` if the program does
+    /// not know both.
+    fn above_fixture(&self) -> Option<f64> {
+        let active = u32::from(self.modal.work_offset);
+        if active == FIXTURE {
+            return Some(0.0);
+        }
+        let zero = |system: u32| self.stored.get(&(5223 + 20 * (system - 1)));
+        Some(zero(active)? - zero(FIXTURE)?)
+    }
+
+    fn report_fixture(&mut self, scene: &mut Scene<'_>) {
+        let message = "G10 L11 measures in the work system G59.3: its zero, or that of the one in \
+                       force, is known only by the machine";
+        let help = "write G10 L10, which measures in the work system in force, or give their zeros \
+                    in a parameter file";
+        self.report(scene, b'L', Code::Unsupported, message.to_owned(), help);
     }
 
     /// The radius that compensation takes with D, or without one from the tool in the spindle.
