@@ -20,7 +20,7 @@ DIFFERENCES = [
      "boards take one length along Z, and the loader has no tool table to add two of its lengths"),
     (r"ncfiles/(offsets|roparams)", "differ", r"######",
      "a message shows ###### for a value that only the machine knows"),
-    (r"^tool table", "Kerf refuses", r"G59.3, which only the machine knows",
+    (r"^tool table", "Kerf refuses", r"G59.3: its zero, or that of",
      "G10 L11 needs an offset of the controller"),
     (r"^(parameters predefined|tool)", "Kerf refuses", r"known only after M6|no M6 has put in",
      "the tool in the spindle is not known before the first M6"),
