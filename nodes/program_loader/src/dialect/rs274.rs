@@ -80,6 +80,9 @@ fn g(tenths: u16) -> GWord {
         384 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: false })),
         385 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: true })),
         760 => GWord::RefusedMotion(THREAD),
+        700 | 710..=712 | 720..=722 => GWord::Refused(
+            "lathe cycles are not written out as moves; post the cuts as lines and arcs",
+        ),
         930 => GWord::FeedMode(FeedMode::InverseTime),
         940 => GWord::FeedMode(FeedMode::PerMinute),
         950 => GWord::FeedMode(FeedMode::PerRevolution),
