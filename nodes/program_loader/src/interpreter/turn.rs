@@ -54,7 +54,8 @@ impl Turn {
     /// `None` for whole turns. Quarters are exact.
     pub(super) fn new(degrees: f64) -> Option<Self> {
         let (sine, cosine) = match degrees.rem_euclid(360.0) {
-            0.0 => return None,
+            // Of a hair below 0 the remainder is 360.
+            0.0 | 360.0 => return None,
             90.0 => (1.0, 0.0),
             180.0 => (0.0, -1.0),
             270.0 => (-1.0, 0.0),
@@ -259,6 +260,7 @@ mod tests {
             (180.0, [-3.0, -4.0, 5.0]),
             (630.0, [4.0, -3.0, 5.0]),
             (720.0, [3.0, 4.0, 5.0]),
+            (-1e-20, [3.0, 4.0, 5.0]),
         ] {
             let turn = Turn::new(degrees);
             assert_eq!(Turn::out([3.0, 4.0, 5.0], turn), wanted, "{degrees}");

@@ -1,6 +1,9 @@
 //! Words of LinuxCNC beyond moves and cycles: what they become, and what is wrong with them.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod curves;
+mod rotated;
 
 use common::profile;
 use program_loader::{LoadOptions, Loaded, canonical, load};
@@ -161,81 +164,6 @@ fn wrong_words_for_the_machine_are_errors_at_their_places() {
 }
 
 #[test]
-fn curves_become_lines_and_arcs_that_touch() {
-    for (text, end) in [
-        ("G5 I0 J3 P0 Q-3 X1 Y1", [1.0, 1.0]),
-        ("G5 I0 J3 P0 Q-3 X1 Y1\nG5 P1 Q1 X3 Y3", [3.0, 3.0]),
-        ("G91 G5.1 X4 Y4 I2 J1\nG90", [4.0, 4.0]),
-        ("G20 G5.1 X1 Y1 I0.5 J0.1 F20\nG21", [25.4, 25.4]),
-        ("G5.2 P1 L3 X0 Y1\nX2 Y2 P1\nX2 Y0 P1\n(MSG, here)\nX0 Y5 P2\nG5.3", [0.0, 5.0]),
-        ("G5.2 P0.5\nX1 Y1\nX2 Y0\nG5.3", [2.0, 0.0]),
-        ("G52 X1 Y1\nG5.1 X4 Y4 I2 J1", [5.0, 5.0]),
-    ] {
-        let loaded = read(&format!("F100 G0 X0 Y0 Z-1\n{text}\nG1 Z0\nM2"));
-        assert!(loaded.is_accepted(), "{text}: {:?}", loaded.findings);
-        let events: Vec<String> = loaded.contour.events.iter().map(canonical::event_text).collect();
-        let arcs = events.iter().filter(|it| it.starts_with("arc")).count();
-        assert!((2..60).contains(&arcs), "{text}: {events:#?}");
-        let moves = events.iter().filter(|it| it.starts_with("arc") || it.starts_with("line"));
-        let last = moves.rev().nth(1).expect("the end of the curve");
-        let wanted = format!(" X{} Y{} Z-1 ", end[0], end[1]);
-        assert!(last.contains(&wanted), "{text}: {last}, not {wanted}");
-    }
-    // The time of a curve under G93 is that of its whole length: half a minute.
-    let loaded = read("G0 X0 Y0\nG93 G5.1 X30 Y0 I15 J0 F2\nM2");
-    let text = canonical::text(&loaded.contour);
-    assert!(text.contains("line X30 Y0 Z0 F60 named XY"), "{text}");
-}
-
-#[test]
-fn wrong_curves_are_errors_at_their_places() {
-    let begin = "F100 G0 X0 Y0\n";
-    for (text, wanted) in [
-        ("G5 X1 Y1 P1 Q1", "G5 has not all of I, J, P and Q"),
-        ("G5 X1 Y1 I1 P1 Q1", "one of I and J without the other"),
-        ("G5 I0 J3 X1 Y1", "G5 has not all of I, J, P and Q"),
-        ("G5 I0 J3 P1 X1 Y1", "one of P and Q without the other"),
-        ("G18 G5 I0 J3 P0 Q-3 X1 Y1", "a curve outside the plane XY"),
-        ("G5 I0 J3 P0 Q-3 X1 Y1 Z1", "a curve has no Z"),
-        ("G5.1 X1 Y1", "G5.1 without I and J"),
-        ("G5.1 X1 Y1 I1", "one of I and J without the other"),
-        ("G5.1 X1 Y1 I[0/0] J1", "a division by zero"),
-        ("G5.1 X1 Y1 I999999999 J1", "I999999999 is beyond 1000000 mm"),
-        ("G5.3", "G5.3 without G5.2"),
-        ("G5.2 X1 Y1 L3\nG5.3", "a curve of order 3 needs 3 control points, and has 2"),
-        ("G5.2 X1 Y1 P0\nG5.3", "P0 is not the weight of a control point"),
-        ("G5.2 X1 Y1 P-1\nG5.3", "P-1 is not the weight of a control point"),
-        ("G5.2 X1 Y1 L99\nG5.3", "the order of a curve is from 3 to 10"),
-        ("G5.2 X1\nX1 Y1\nX2 Y2\nG5.3", "a control point has X and Y"),
-        ("G5.2 X1 Y1\nG5.2 P2\nX2 Y2\nG5.3", "a control point without X and Y"),
-        ("G5.2 X1 Y1 P-1\nX1 Y1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
-        ("G5.2 X1 Y1\nX1 Y1 P-1\nX2 Y2\nX3 Y3\nG5.3", "P-1 is not the weight of a control point"),
-        (
-            "G5.2 L4 X100 Y0 P900000\nX100 Y20 P1\nX200 Y0 P.000002\nG5.3",
-            "the weights of the curve differ by more than 1000 times",
-        ),
-        ("G5.2 X1 Y1\nG1 X5", "the curve that G5.2 begins in line 2 has no G5.3"),
-        ("G5.2 X1 Y1\nM30", "the curve that G5.2 begins in line 2 has no G5.3"),
-        ("G5.2 X1 Y1\nG92 X0", "the curve that G5.2 begins in line 2 has no G5.3"),
-        (
-            "T1 M6\nG0 Y20\nG41 G1 Y0\nG5.1 X5 Y5 I1 J1\nG40 G1 Y9",
-            "a curve under cutter radius compensation, which is on since line 4",
-        ),
-    ] {
-        let loaded = read(&format!("{begin}{text}\nM2"));
-        let errors: Vec<&str> = loaded
-            .findings
-            .iter()
-            .filter(|it| it.is_error())
-            .map(|it| it.message.as_str())
-            .collect();
-        assert_eq!(errors, [wanted], "{text}");
-    }
-    // Nothing has ended it at the end of the text.
-    assert!(!read("F100 G0 X0 Y0\nG5.2 X1 Y1\n").is_accepted());
-}
-
-#[test]
 fn tool_lengths_and_radii_may_come_from_the_program() {
     let compensated = "G0 X0 Y20\nG41 {D} G1 Y0\nX9\nG40 Y9\nM2";
     let radius_of = |text: &str| {
@@ -343,76 +271,6 @@ fn a_cycle_goes_to_its_hole_where_the_tool_was_before_the_machine_moved() {
 }
 
 #[test]
-fn a_rotated_work_system_turns_what_the_program_writes() {
-    let quarter = "G10 L2 P1 R90\n";
-    for (text, wanted) in [
-        (
-            "G0 X10 Y0\nX5\nY2",
-            "rapid X0 Y10 Z0 named XY; rapid X0 Y5 Z0 named XY; rapid X-2 Y5 Z0 named XY",
-        ),
-        (
-            "G0 X0 Y0\nG91 X1\nX1 Z2\nZ1",
-            "rapid X0 Y0 Z0 named XY; rapid X0 Y1 Z0 named XY; rapid X0 Y2 Z2 named XYZ; rapid X0 Y2 Z3 named Z",
-        ),
-        // The zero of the program is turned too.
-        ("G0 X0 Y0\nG92 X-3\nG0 X0", "rapid X0 Y0 Z0 named XY; rapid X0 Y3 Z0 named XY"),
-        ("G52 X3\nG0 X1 Y0", "rapid X0 Y4 Z0 named XY"),
-        (
-            "F100 G0 X0 Y0\nG2 X10 Y0 I5 J0",
-            "rapid X0 Y0 Z0 named XY; arc cw xy X0 Y10 Z0 center X0 Y5 F100 named XY",
-        ),
-        (
-            "F100 G0 X0 Y0 Z5\nG81 X4 Z-1 R5",
-            "rapid X0 Y0 Z5 named XYZ; rapid X0 Y4 Z5 named XY; line X0 Y4 Z-1 F100 named Z; rapid X0 Y4 Z5 named Z",
-        ),
-        // Places of the machine are not turned.
-        ("G53 G0 X4 Y1\nG0 X0 Y0", "G53 G0 X4 Y1; rapid X0 Y0 Z0 named XY"),
-        (
-            "G0 X1 Y2\nG28 X3 Y2\nG0 X0 Y0",
-            "rapid X-2 Y1 Z0 named XY; rapid X-2 Y3 Z0 named XY; G28 XY; rapid X0 Y0 Z0 named XY",
-        ),
-        // The tool stands still where the rotation ends, and its place is another.
-        (
-            "G0 X4 Y1\nG10 L2 P1 R0\nG91 X1\nG10 L2 P1 R90",
-            "rapid X-1 Y4 Z0 named XY; rapid X0 Y4 Z0 named X",
-        ),
-        (
-            "G0 X4 Y1\n(DEBUG, #5420 #5421 #5230 #5250)",
-            "rapid X-1 Y4 Z0 named XY; (MSG, 4.000000 1.000000 90.000000 0.000000)",
-        ),
-        // Another work system has its own.
-        (
-            "G0 X4 Y1\nG55 G0 X4 Y1\nG54 G0 X4 Y1",
-            "rapid X-1 Y4 Z0 named XY; G55; rapid X4 Y1 Z0 named XY; G54; rapid X-1 Y4 Z0 named XY",
-        ),
-        // The tool stands at X2 Y3 of the program.
-        (
-            "G0 X4 Y1\nG10 L20 P1 X2 Y3\nG0 X0",
-            "rapid X-1 Y4 Z0 named XY; G10 L20 P1 X-3 Y2; rapid X-3 Y2 Z0 named XY; rapid X-3 Y0 Z0 named XY",
-        ),
-        (
-            "G0 X4 Y1\nG10 L20 P1 X2\nG0 X0",
-            "rapid X-1 Y4 Z0 named XY; G10 L20 P1 X-1 Y2; rapid X-1 Y2 Z0 named XY; rapid X-1 Y0 Z0 named XY",
-        ),
-        // The zero itself is a place of the machine.
-        ("G10 L2 P1 X3 Y4\nG0 X1 Y0", "G10 L2 P1 X3 Y4; rapid X0 Y1 Z0 named XY"),
-        (
-            "G0 X1 Y1\nG38.2 X9 F50\nG91 G1 X-1\nG90 X0 Y0",
-            "rapid X-1 Y1 Z0 named XY; G38.2; line X-1 Y9 Z0 F50 named XY; G91 XY; line X-1 Y8 Z0 F50 named XY; line X0 Y0 Z0 F50 named XY",
-        ),
-    ] {
-        let forgotten = "work system 1 is rotated by 90 degrees until this program ends, and not in the next one";
-        check(&[(&format!("{quarter}{text}\nM2"), &format!("{wanted}; M2"), &[forgotten])]);
-        // As often as it is set back, nothing is left.
-        check(&[(&format!("{quarter}{text}\nG10 L2 P1 R360\nM2"), &format!("{wanted}; M2"), &[])]);
-    }
-    check(&[
-        ("G10 L2 P1 X3 R0\nG0 X1\nM2", "G10 L2 P1 X3; rapid X1 Y0 Z0 named X; M2", &[]),
-        ("G10 L2 P2 R0\nG0 X1\nM2", "rapid X1 Y0 Z0 named X; M2", &[]),
-    ]);
-}
-
-#[test]
 fn a_centre_that_fits_the_other_way_is_said_to() {
     let arc = "G2 X-26.513 Y4.495 I-24.273 J0.025\nM2";
     for (before, word) in [("", "G90.1"), ("G90.1 ", "G91.1")] {
@@ -425,18 +283,6 @@ fn a_centre_that_fits_the_other_way_is_said_to() {
         let [error] = &loaded.findings[..] else { panic!("{:?}", loaded.findings) };
         assert!(error.help.contains(&format!("write {word}")), "{error:?}");
         assert!(read(&format!("{before}{approach}\n{word}\n{arc}")).is_accepted());
-    }
-}
-
-#[test]
-fn a_place_that_is_read_in_a_rotated_system_relies_on_both_axes() {
-    for (text, wanted) in [
-        ("G0 X10\nG10 L2 P1 R90\n#1=#5420\nG0 X0 Y0\nM2", "Y"),
-        ("G10 L2 P1 R90\n#1=#<_x>\nG0 X0 Y0\nM2", "XY"),
-        ("G10 L2 P1 R90\nG0 X0 Y0\n#1=#<_x>\nM2", ""),
-    ] {
-        let loaded = read(text);
-        assert_eq!(loaded.contour.assumed_axes.letters(), wanted, "{text}");
     }
 }
 
@@ -458,43 +304,6 @@ fn a_straight_motion_word_next_to_a_reference_is_in_force_after_it() {
         "F100 G0 X1 Y1 Z1\nG2 G28 X5\nM2",
         &[("G2", "G28 and G2 both use the axis words of this block")],
     )]);
-}
-
-#[test]
-fn what_a_rotated_work_system_cannot_do_is_refused() {
-    check_bad(&[
-        ("G10 L2 P2 R[1/0]\nG0 X10\nM2", &[("/0", "a division by zero")]),
-        ("G10 L20 P1 X1 R5\nM2", &[("R5", "G10 L20 does not take R")]),
-        (
-            "G10 L2 P1 R30\nG10 L2 P1 X1\nG0 X5\nG0 Y2\nM2",
-            &[(
-                "G0 X5",
-                "this block starts from where X and Y are, which is not known since G10 in line 2",
-            )],
-        ),
-        (
-            "G10 L2 P1 R30\nG0 X0 Y0\nG28 X4\nM2",
-            &[("G28", "G28 of one of X and Y alone, and the work system is rotated by 30 degrees")],
-        ),
-        (
-            "G10 L2 P1 R30\nG0 X0 Y0\nG18 G2 X5 Z0 R3 F100\nM2",
-            &[(
-                "G18 G2 X5 Z0 R3 F100",
-                "an arc in the plane ZX (G18), and the work system is rotated by 30 degrees",
-            )],
-        ),
-        (
-            "G10 L2 P1 R30\nG0 X0 Y0\nG18 G41.1 D2 G1 X5 Z0 F100\nG40 X0\nM2",
-            &[(
-                "G18 G41.1 D2 G1 X5 Z0 F100",
-                "cutter radius compensation in the plane ZX (G18), and the work system is rotated by 30 degrees",
-            )],
-        ),
-        (
-            "G10 L2 P2 R30\nG10 L20 P2 X5\nM2",
-            &[("G10", "work system 2 is rotated, and where Y is in it is not known here")],
-        ),
-    ]);
 }
 
 #[test]
