@@ -206,6 +206,8 @@ pub enum Action {
     MachineMove { target: Position, axes: AxisSet, rapid: bool, feed_mm_per_min: f64 },
     /// `G38.2` to `G38.5`: the motion of the block ends where a probe touches, on the way to its end.
     Probe(Probe),
+    /// `G33`: the motion of the block keeps pace with the turning spindle, by so much for each revolution, mm.
+    SpindleSync { pitch_mm: f64 },
     /// Nobody knows where these axes are: the motion of the block moves them from there, by its end
     /// less its start.
     Relative { axes: AxisSet },
@@ -280,6 +282,7 @@ impl Action {
             Self::Message { .. } => "message",
             Self::Further(_) => "axes",
             Self::Probe(_) => "probe",
+            Self::SpindleSync { .. } => "spindle_sync",
             Self::Relative { .. } => "relative",
             Self::Stretch { .. } => "stretch",
             Self::ToolLength { .. }
@@ -330,6 +333,7 @@ impl Action {
             Self::StoreReference { second } => if second { "G30.1" } else { "G28.1" }.into(),
             Self::Further(further) => further.text(),
             Self::Probe(probe) => probe.word().into(),
+            Self::SpindleSync { pitch_mm } => format!("G33 K{pitch_mm}"),
             Self::Relative { axes } => format!("G91 {}", axes.letters()),
             Self::Stretch { .. } => "(results of probes)".into(),
             Self::Home { axes } => format!("Home {}", axes.letters()),

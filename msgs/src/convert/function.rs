@@ -97,6 +97,10 @@ impl From<&Action> for wire::MachineFunction {
                 out.number = probe.number().into();
                 Self::PROBE
             }
+            Action::SpindleSync { pitch_mm } => {
+                out.value = m_from_mm(pitch_mm);
+                Self::SPINDLE_SYNC
+            }
             Action::Relative { axes } => {
                 out.axes = axes.bits();
                 Self::RELATIVE
@@ -134,6 +138,7 @@ impl Action {
             Self::SetWorkOffset { system, axes, origin, by_position } => {
                 Self::SetWorkOffset { system, axes, origin: origin.map(received_mm), by_position }
             }
+            Self::SpindleSync { pitch_mm } => Self::SpindleSync { pitch_mm: received_mm(pitch_mm) },
             Self::Further(FurtherMove { axes, mode }) => {
                 let mode = match mode {
                     FurtherMode::Feed(feed) if axes.only_turns() => {
@@ -227,6 +232,8 @@ impl TryFrom<&wire::MachineFunction> for Action {
                     return Err(WireError::Constant { field: "number", value: function.number });
                 }
             },
+            W::SPINDLE_SYNC if value > 0.0 => Self::SpindleSync { pitch_mm: mm_from_m(value) },
+            W::SPINDLE_SYNC => return Err(WireError::Number { field: "value", value }),
             W::RELATIVE => Self::Relative { axes },
             W::STRETCH => Self::Stretch { axes },
             W::EXACT_STOP => Self::ExactStop,

@@ -9,6 +9,7 @@
 mod chords;
 mod ring;
 
+use crate::firmware::{THREAD_WAIT_S_MAX, thread_wait_s};
 use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, Known, MachinePath, Step};
 use crate::vectors::norm;
@@ -35,7 +36,7 @@ pub struct CycleTime {
     at_steps: [i64; 3],
     /// A block that starts from rest comes next, after so many seconds.
     pause_s: Option<f64>,
-    /// The next block ends at rest: it is the way of a probe.
+    /// The next block ends at rest: it is the way of a probe, or a thread.
     ends_at_rest: bool,
     first_element: usize,
     /// S, M3 and M7 in force: only a change stops the machine.
@@ -250,6 +251,10 @@ impl CycleTime {
             Action::Probe(_) => {
                 self.ends_at_rest = true;
                 0.0
+            }
+            Action::SpindleSync { .. } => {
+                self.ends_at_rest = true;
+                thread_wait_s(self.rpm).min(THREAD_WAIT_S_MAX)
             }
             Action::ChangeTool { .. } => {
                 self.spindle = SpindleMode::Off;

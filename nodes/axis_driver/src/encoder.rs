@@ -16,6 +16,7 @@ mod probe;
 mod problem;
 mod restart;
 mod resume;
+mod thread;
 pub(crate) mod words;
 
 use crate::link::LineKind;

@@ -7,6 +7,8 @@ mod fluidnc;
 mod grbl;
 mod grblhal;
 
+// No other of them threads.
+pub(crate) use grblhal::{THREAD_SHARE, THREAD_WAIT_S_MAX, thread_wait_s};
 use serde::{Deserialize, Serialize};
 
 /// Makes the enum, its list and its tables from one row for each firmware.

@@ -50,6 +50,9 @@ pub enum LineKind {
     Dwell { milliseconds: u32 },
     /// The controller may report nothing at all until it answers: homing.
     Silent,
+    /// The controller may report nothing for so long before it answers, or after: a thread that waits
+    /// for its spindle to come around.
+    Thread { milliseconds: u32 },
 }
 
 #[derive(Debug)]
@@ -281,8 +284,8 @@ impl<T> Link<T> {
 
     /// Does what is due: asks for status, notices silence.
     pub fn handle_time(&mut self, now: Duration) {
-        let is_silence_expected =
-            self.in_flight.front().is_some_and(|sent| sent.kind == LineKind::Silent);
+        let oldest = self.in_flight.front().map(|sent| sent.kind);
+        let is_silence_expected = self.health.is_silence_expected(now, oldest);
         let is_alone = !self.health.is_asked() && self.config.is_prompt();
         if self.health.poll_is_due(now, is_silence_expected) {
             self.urgent.push(match self.asks_everything {
@@ -322,8 +325,8 @@ impl<T> Link<T> {
 
     fn on_report(&mut self, now: Duration, report: Report) {
         match report {
-            Report::Ok => self.on_answer(None),
-            Report::Error(code) => self.on_answer(Some(code)),
+            Report::Ok => self.on_answer(now, None),
+            Report::Error(code) => self.on_answer(now, Some(code)),
             Report::Alarm(code) => {
                 self.is_forgiving = true;
                 self.events.push_back(LinkEvent::Alarm(code));
@@ -392,11 +395,16 @@ impl<T> Link<T> {
         answers <= f64::from(FEW_ANSWERS) * share
     }
 
-    fn on_answer(&mut self, error: Option<u16>) {
+    fn on_answer(&mut self, now: Duration, error: Option<u16>) {
         self.health.on_answer();
         self.answers = self.answers.saturating_add(1);
         match self.in_flight.pop_front() {
             Some(sent) => {
+                if let LineKind::Thread { milliseconds } = sent.kind
+                    && error.is_none()
+                {
+                    self.health.expect_silence(now, milliseconds);
+                }
                 self.in_flight_bytes -= sent.bytes();
                 self.buffer.on_answer(sent.bytes());
                 let fault = self.check.on_answer(sent.is_check(), error);

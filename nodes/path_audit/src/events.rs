@@ -80,7 +80,7 @@ pub(crate) fn check(
 fn has_its_motion(path: &CompensatedPath, found: &PathEvent, next: Option<&PathEvent>) -> bool {
     let is_part = match found.action {
         Action::Further(FurtherMove { mode, .. }) => mode == FurtherMode::Along,
-        Action::Probe(_) | Action::Relative { .. } => true,
+        Action::Probe(_) | Action::SpindleSync { .. } | Action::Relative { .. } => true,
         _ => false,
     };
     if !is_part {
@@ -90,7 +90,7 @@ fn has_its_motion(path: &CompensatedPath, found: &PathEvent, next: Option<&PathE
         Some(next) => {
             let takes = match found.action {
                 Action::Relative { .. } => matches!(next.action, Action::Probe(_)),
-                Action::Probe(_) => false,
+                Action::Probe(_) | Action::SpindleSync { .. } => false,
                 _ => matches!(
                     next.action,
                     Action::MachineMove { .. }
@@ -180,6 +180,7 @@ fn same_numbers(a: &Action, b: &Action) -> bool {
                 && near(*f, *g)
                 && p.iter().zip(q).all(|(a, b)| near(*a, *b))
         }
+        (Action::SpindleSync { pitch_mm: p }, Action::SpindleSync { pitch_mm: q }) => near(*p, *q),
         (Action::Further(programmed), Action::Further(found)) => {
             let is_at =
                 |axis: usize, at: f64| found.axes.get(axis).is_some_and(|other| near(at, other));

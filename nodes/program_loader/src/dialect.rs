@@ -234,6 +234,10 @@ pub(crate) enum Mode {
     Spline(Spline),
     /// A move that a probe ends.
     Probe(Probe),
+    /// G33: a move that keeps pace with the spindle.
+    Thread,
+    /// G76: a thread in passes.
+    ThreadCycle,
 }
 
 /// Where a tool length comes from.

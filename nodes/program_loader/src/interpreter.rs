@@ -27,6 +27,7 @@ mod scene;
 mod splines;
 mod stored;
 mod system;
+mod threads;
 mod tool_lengths;
 mod turn;
 

@@ -74,6 +74,12 @@ pub enum ErrorCode {
     DynamicOffsetAxis = 37,
     /// T above 255.
     ValueTooLarge = 38,
+    /// grblHAL: a value that a code does not take.
+    ValueOutOfRange = 39,
+    /// grblHAL: a thread, and the spindle stands.
+    SpindleNotRunning = 41,
+    /// grblHAL: a thread that is too fast for the axes.
+    MaxFeedRateExceeded = 43,
     /// grblHAL: only homing unlocks.
     HomingRequired = 46,
     /// grblHAL: a setting above its maximum.
@@ -119,4 +125,6 @@ impl Alarm {
     pub(crate) const HOMING_REQUIRED: Self = Self(11);
     /// grblHAL: a limit switch is closed at a reset.
     pub(crate) const LIMITS_ENGAGED: Self = Self(12);
+    /// grblHAL: the spindle is not where it should be, or too slow.
+    pub(crate) const SPINDLE: Self = Self(14);
 }

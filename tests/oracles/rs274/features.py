@@ -872,12 +872,29 @@ def splines(program, rng):
         "G1 X10 Y10")
 
 
-@feature("threads", 40)
+@feature("threads", 80)
 def threads(program, rng):
     program.scales = False
+    program.add(f"S{rng.randint(1, 20)}00 {rng.choice(['M3', 'M4'])}", rng.choice([
+        "", "", "G7", "G20", "G91", "G18", "G93", "G95", "G92 X3 Z1", "G55", "G10 L2 P1 R30", "G43.1 Z2"]),
+        "G0 X10 Y0 Z5")
+    for _ in range(rng.randint(1, 3)):
+        thread = f"G76 P{rng.choice([0.5, 1, 1.75])} I{rng.choice([-2, -1, 1, 0.5])} J{rng.choice([0.1, 0.3])} K{rng.choice([0.4, 1, 2])}"
+        for letter, values in (("R", [1, 1.5, 2]), ("Q", [0, 29.5, 30, 60]), ("H", [0, 1, 3]), ("L", [0]), ("E", [1])):
+            if rng.random() < 0.5:
+                thread += f" {letter}{rng.choice(values)}"
+        program.add(rng.choice([
+            f"G33 Z-{rng.randint(1, 9)} K{rng.choice([0.5, 1.5, 1.27])}", f"G33 X{mm(rng)} Z{mm(rng)} K2\nX1 Z2 K1.5",
+            f"G33 X{mm(rng)} Y{mm(rng)} K1", f"{thread} Z{mm(rng)}", f"{thread} Z{mm(rng)}", f"{thread} Z{mm(rng)} X{mm(rng)}"]),
+            move(rng, "XZ") + f" F{rng.randint(1, 9)}")
+    program.add("G90", "G21", "G94", "G8", "G0 Z5")
+
+
+@feature("threads with angled ends", 20)
+def threads_with_angled_ends(program, rng):
+    program.scales = False
     program.add("S500 M3", "G0 X10 Z5", rng.choice([
-        "G33 Z-10 K1.5", "G33.1 Z-10 K1", "G33 X20 Z-10 K2",
-        "G18\nG76 P1 Z-20 I-1 J0.3 K2 R1.5 Q29.5 H2 E0.5 L2"]), "G0 Z5")
+        "G33.1 Z-10 K1", "G76 P1 Z-20 I-1 J0.3 K2 R1.5 Q29.5 H2 E0.5 L2"]), "G0 Z5")
 
 
 @feature("probes", 30)

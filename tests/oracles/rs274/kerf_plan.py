@@ -51,6 +51,8 @@ class Reader:
         self.along = {}
         # The next element is the way of a probe.
         self.is_probe = False
+        # Of the next element, if it keeps pace with the spindle.
+        self.pitch = None
         # Axes that the next element moves from wherever they are.
         self.relative = set()
         # The line of a G10 L20, whose rapid says where the tool is and moves nothing.
@@ -96,6 +98,8 @@ class Reader:
             center = self.lengths(it["center"])
             move.kind, move.plane, move.center = "arc", it["plane"], (center[one], center[two])
             move.rotation = -turns if it["clockwise"] else turns
+        if self.pitch is not None:
+            move.pitch, move.feed, self.pitch = self.pitch, None, None
         if self.is_probe:
             move.kind, self.is_probe = "probe", False
             # Where it touches; LinuxCNC's interpreter alone lets it do so just before the end.
@@ -145,6 +149,8 @@ class Reader:
             self.axes(event, text)
         elif kind == "probe":
             self.is_probe = True
+        elif kind == "spindle_sync":
+            self.pitch = float(text.removeprefix("G33 K")) / self.size
         elif kind == "relative":
             self.relative = set(text.removeprefix("G91 "))
         elif kind == "stretch":

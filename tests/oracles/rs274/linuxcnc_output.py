@@ -35,7 +35,8 @@ class Reader:
         self.plane = "XY"
         self.feed = 0.0
         self.feed_unit = 1.0
-        self.is_per_revolution = self.is_synchronised = False
+        self.is_per_revolution = False
+        self.pitch = None
         self.is_changing = False
         # In the work system, with what G92 adds.
         self.rotary = self.g92_rotary = (0.0, 0.0, 0.0)
@@ -99,7 +100,7 @@ class Reader:
         start, self.machine = self.work(), self.to_machine(end)
         end = self.work()
         feed, allowed_feed = None, 0.0
-        if kind in ("line", "arc") and not self.is_synchronised:
+        if kind in ("line", "arc") and self.pitch is None:
             # Degrees are no lengths.
             only_turns = kind == "line" and math.dist(start, end) <= 2.0 * self.allowed_mm
             unit = 1.0 if only_turns else self.feed_unit * (self.state.speed if self.is_per_revolution else 1.0)
@@ -109,7 +110,7 @@ class Reader:
         self.rotary = tuple(rotary)
         self.items.append(Move(
             kind, start, end, replace(self.state), self.line, feed, allowed_mm=self.allowed_mm,
-            allowed_feed=allowed_feed, machine_end=self.machine, rotary=self.rotary, turned=turned, **more))
+            allowed_feed=allowed_feed, pitch=self.pitch, machine_end=self.machine, rotary=self.rotary, turned=turned, **more))
 
     def event(self, kind, value=None):
         self.items.append(Event(kind, replace(self.state), self.line, value))
@@ -141,14 +142,13 @@ class Reader:
     def on_set_feed_rate(self, arguments):
         self.feed, self.feed_unit = self.numbers(arguments)[0], self.unit
 
-    def on_start_speed_feed_sync(self, _):
-        self.is_synchronised = True
+    def on_start_speed_feed_sync(self, arguments):
+        self.pitch = self.lengths(self.numbers(arguments)[1:2])[0]
 
-    def on_start_speed_feed_synch(self, _):
-        self.is_synchronised = True
+    on_start_speed_feed_synch = on_start_speed_feed_sync
 
     def on_stop_speed_feed_synch(self, _):
-        self.is_synchronised = False
+        self.pitch = None
 
     def on_straight_traverse(self, arguments):
         self.straight("rapid", arguments)

@@ -44,6 +44,8 @@ class Move:
     # By how much printed numbers may be off.
     allowed_mm: float = SAME_MM
     allowed_feed: float = 0.0
+    # Millimetres in a revolution of the spindle, of a move that keeps pace with it.
+    pitch: float = None
     # For moves in machine coordinates: the axes that are named, and the end in the machine.
     axes: str = ""
     machine_end: tuple = None
@@ -178,6 +180,8 @@ def apart(a, b):
     if a.feed is not None and b.feed is not None:
         if not abs(a.feed - b.feed) <= a.allowed_feed + 1e-9 * abs(a.feed) + 1e-6:
             return "another feed"
+    if (a.pitch is None) != (b.pitch is None) or a.pitch and abs(a.pitch - b.pitch) > 0.6e-4 * 25.4:
+        return f"the pitch is {b.pitch}, not {a.pitch}"
     if b.rotary is not None and a.rotary is not None:
         pairs = zip(a.rotary, b.rotary)
         if any(y is not None and abs(x - y) > 1.1e-4 for x, y in pairs):

@@ -18,7 +18,7 @@ use super::run::job::Job;
 use super::run::replan::{self, ReplanRequest};
 use crate::codes::error_code;
 use crate::link::realtime;
-use crate::report::ControllerState;
+use crate::report::{ControllerState, StatusReport};
 use cnc_msgs::machine::MachineState;
 use std::time::Duration;
 
@@ -179,7 +179,12 @@ impl Stopping {
         let machine = &context.machine;
         let state = machine.status.as_ref().map(|status| status.state.clone())?;
         let (is_held, is_moving) = (machine.is_held(), machine.is_moving());
+        let will_hold = machine.status.as_ref().is_some_and(StatusReport::will_hold);
         let (since, reports, idle_reports) = match &mut self.step {
+            StopStep::Holding { since, .. } if will_hold => {
+                *since = context.now;
+                return None;
+            }
             StopStep::Holding { since, reports, idle_reports } => (*since, reports, idle_reports),
             StopStep::Resetting { .. } => return None,
             StopStep::Reporting { .. } if context.link.unanswered() > 0 => return None,

@@ -110,6 +110,7 @@ impl Encoder {
             }
             Action::Further(further) => self.encode_further(further, source),
             Action::Probe(probe) => self.encode_probe(probe, source),
+            Action::SpindleSync { pitch_mm } => self.encode_thread(pitch_mm, source),
             Action::Stretch { .. } => {
                 self.pending.push_back(EncoderStep::Stretch { source });
                 Ok(())

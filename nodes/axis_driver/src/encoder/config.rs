@@ -50,6 +50,10 @@ pub struct Board {
     /// [`FurtherAxes`](cnc_msgs::further::FurtherAxes).
     #[serde(default)]
     pub further_axes: u8,
+    /// The fastest that it moves at the pace of its spindle, mm/min; `None` where it cannot
+    /// (no `SS` in `[NEWOPT:]`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thread_mm_per_min_max: Option<f64>,
 }
 
 impl Board {
@@ -74,6 +78,7 @@ impl Default for Board {
             is_laser: false,
             work_offsets: [[0.0; 3]; 6],
             further_axes: 0,
+            thread_mm_per_min_max: None,
         }
     }
 }

@@ -69,6 +69,22 @@ pub enum EncodeProblem {
     NoMotion { words: String },
     #[error("how fast {words} moves depends on where the axes are, which is not known here")]
     UnknownRate { words: String },
+    #[error(
+        "{word} needs a spindle that the axes keep pace with, and this controller has none: grblHAL has one where \
+         its spindle has an encoder (SS in [NEWOPT:])"
+    )]
+    NoSpindleSync { word: String },
+    #[error(
+        "{word} feeds {feed:.0} mm/min at this spindle speed, and this controller takes at most {max:.0} mm/min \
+         there (90 % of $112): program a lower S"
+    )]
+    ThreadFeed { word: String, feed: f64, max: f64 },
+    #[error(
+        "{word} waits for two turns of the spindle, for at most {max} s, and this spindle takes longer: program an S \
+         above {:.0}",
+        120.0 / max
+    )]
+    SlowThread { word: String, max: f64 },
     #[error("this controller has no {word}")]
     Unsupported { word: String },
     #[error("{word} comes after the end of the program in line {end}")]

@@ -379,6 +379,42 @@ fn a_start_in_the_middle_repeats_what_is_in_force_and_no_more() {
     assert_eq!(steps, ["M5", "(T1)", "G43.1Z50", "(start)", "S200", "M3", "G4P2", "G1X3F9"]);
 }
 
+#[test]
+fn a_thread_keeps_pace_with_a_spindle_that_allows_it() {
+    let board = Board { thread_mm_per_min_max: Some(900.0), ..Board::default() };
+    let config = EncoderConfig { board, ..EncoderConfig::default() };
+    let threaded = |pitch_mm: f64, feed, at_element, line| {
+        let elements = vec![
+            element(Shape::Line, [0.0, 0.0, -5.0], Some(200.0), 1),
+            element(Shape::Line, [0.0, 0.0, -15.0], feed, 2),
+            element(Shape::Line, [1.0, 0.0, -15.0], Some(200.0), 3),
+        ];
+        let action = Action::SpindleSync { pitch_mm };
+        let events = vec![PathEvent { at_element, action, source: source(line) }];
+        CompensatedPath { events, ..path([0.0; 3], elements) }
+    };
+    let lines = |path, config| {
+        let steps = steps_with(path, config).map_err(|problem| problem.to_string())?;
+        Ok::<_, String>(steps.iter().map(text_of).collect::<Vec<_>>())
+    };
+    // A thirteenth of an inch: each turn adds what its last digit is off.
+    let thirteenth = 25.4 / 13.0;
+    for (pitch_mm, feed, word) in [(1.5, 900.0, "K1.5"), (thirteenth, 600.0, "K1.953846")] {
+        let sent = lines(threaded(pitch_mm, Some(feed), 1, 2), config).unwrap();
+        assert_eq!(sent, ["G1Z-5F200", &format!("G33Z-15{word}"), "G1X1"]);
+    }
+    for (path, config, words) in [
+        (threaded(1.5, Some(900.0), 1, 2), EncoderConfig::default(), "G33 K1.5 needs a spindle"),
+        (threaded(1.5, Some(901.0), 1, 2), config, "line 2: G33 K1.5 feeds 901 mm/min"),
+        (threaded(1.5, None, 1, 2), config, "G33 K1.5 moves with a motion of its block"),
+        (threaded(1.5, Some(9.0), 1, 1), config, "G33 K1.5 moves with a motion of its block"),
+        (threaded(1.5, Some(9.0), 3, 3), config, "G33 K1.5 moves with a motion of its block"),
+    ] {
+        let problem = lines(path, config).unwrap_err();
+        assert!(problem.contains(words), "{problem}");
+    }
+}
+
 fn further(mode: FurtherMode, axes: &[(usize, f64)]) -> Action {
     let axes = axes.iter().fold(FurtherAxes::NONE, |all, (axis, at)| all.with(*axis, *at));
     Action::Further(FurtherMove { axes, mode })

@@ -31,6 +31,16 @@ pub(super) static TRAITS: Traits = Traits {
     no_field_because: "",
 };
 
+/// Of the fastest of Z: it refuses faster threads, along whatever axes.
+pub(crate) const THREAD_SHARE: f64 = 0.9;
+/// The longest that a thread waits for its spindle, s; then it is an alarm.
+pub(crate) const THREAD_WAIT_S_MAX: f64 = 5.0;
+
+/// How long a thread waits for its spindle, at the most: two turns, s.
+pub(crate) fn thread_wait_s(rpm: f64) -> f64 {
+    120.0 / rpm
+}
+
 /// What the driver uses of its reports; all are on as it is delivered.
 const REPORT_FIELDS: &[ReportField] = &[
     BUFFER,

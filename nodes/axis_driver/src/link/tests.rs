@@ -259,6 +259,27 @@ fn silence_while_homing_or_deaf_is_expected() {
 }
 
 #[test]
+fn silence_while_a_thread_waits_for_its_spindle_is_expected_and_no_longer() {
+    for answered_at in [None, Some(500)] {
+        let mut link = started();
+        link.send_line("G33Z-5K1", LineKind::Thread { milliseconds: 3_000 }, 1);
+        let mut silent_at = Vec::new();
+        for now in (0..8000).step_by(10) {
+            if answered_at == Some(now) {
+                link.receive(ms(now), b"ok\r\n");
+            }
+            link.handle_time(ms(now));
+            if events(&mut link).contains(&LinkEvent::Silent) {
+                silent_at.push(now);
+            }
+        }
+        let [at] = silent_at[..] else { panic!("{answered_at:?}: {silent_at:?}") };
+        let until = answered_at.unwrap_or(0) + 3_000;
+        assert!((until..until + 1_000).contains(&at), "{answered_at:?}: {at}");
+    }
+}
+
+#[test]
 fn a_lost_answer_shows_when_the_machine_stays_idle() {
     let mut link = started();
     link.send_line("G1X1", LineKind::Motion, 1);

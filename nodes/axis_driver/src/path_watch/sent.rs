@@ -117,6 +117,8 @@ impl Sent {
         self.place = target;
         let is_rapid = reference.is_some() || self.words.motion == Some(0);
         let feed_mm_per_min = match words.further.is_empty() {
+            // The spindle says how fast.
+            true if words.is_thread() => Some(f64::INFINITY),
             true => self.words.feed.filter(|_| !is_rapid),
             // Boards count degrees as millimetres, or do not.
             false => Some(f64::INFINITY),
@@ -211,7 +213,9 @@ impl Sent {
     fn way(&self, words: &LineWords, target: Option<Position>, is_reference: bool) -> Way {
         let Some((from, to)) = self.place.zip(target) else { return Way::Anywhere };
         match self.words.motion {
-            _ if is_reference || words.has_g(530) || words.is_probe() => Way::Line { from, to },
+            _ if is_reference || words.has_g(530) || words.is_probe() || words.is_thread() => {
+                Way::Line { from, to }
+            }
             Some(0 | 1) => Way::Line { from, to },
             Some(motion) => {
                 let plane = self.words.plane.unwrap_or_default();
@@ -230,7 +234,7 @@ impl WordsInForce {
         if let Some(motion) = words.last_of(&[0, 10, 20, 30]) {
             self.motion = u8::try_from(motion).ok();
         }
-        if words.is_probe() {
+        if words.is_probe() || words.is_thread() {
             self.motion = None;
         }
         if let Some(plane) = words.last_of(&[170, 180, 190]) {

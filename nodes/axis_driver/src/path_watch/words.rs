@@ -59,6 +59,11 @@ impl LineWords {
         self.g.iter().any(|tenths| (382..=385).contains(tenths))
     }
 
+    /// G33: a line at the pace of the spindle.
+    pub(super) fn is_thread(&self) -> bool {
+        self.has_g(330)
+    }
+
     pub(super) fn has_m(&self, number: u16) -> bool {
         self.m.contains(&number)
     }

@@ -121,6 +121,11 @@ impl StatusReport {
         }
     }
 
+    /// Whether it has read a hold that waits for the end of a motion which must not stop: a thread (grblHAL).
+    pub fn will_hold(&self) -> bool {
+        self.state == ControllerState::Run && self.substate == Some(1)
+    }
+
     /// How fast the axes move. What stands in a hold may still report the feed from before it.
     pub fn speed_mm_per_min(&self) -> Option<f64> {
         self.feed_mm_per_min.filter(|_| !self.is_held())

@@ -68,6 +68,7 @@ impl Emitter {
             Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) => {
                 self.sent = AxisSet::NONE;
             }
+            Action::SpindleSync { .. } => self.sent = AxisSet::NONE,
             Action::Probe(_) | Action::Relative { .. } => {
                 self.sent = AxisSet::NONE;
                 self.ends_unknown = true;

@@ -210,6 +210,7 @@ impl Rules<'_> {
             | Action::Reference { .. }
             | Action::MachineMove { .. }
             | Action::Probe(_)
+            | Action::SpindleSync { .. }
             | Action::Relative { .. }
             | Action::Stretch { .. }
             | Action::ChangeTool { .. } => self.permit(
@@ -273,6 +274,7 @@ fn name(action: &Action) -> String {
         Action::MachineMove { .. } => "a move in machine coordinates".into(),
         Action::SetWorkOffset { .. } => "a change of a work offset".into(),
         Action::Probe(_) => "a probe".into(),
+        Action::SpindleSync { .. } => "a move that keeps pace with the spindle".into(),
         Action::Relative { .. } => "a move from where a probe has ended".into(),
         Action::Stretch { .. } => "the result of a probe".into(),
         _ => action.text(),

@@ -71,6 +71,8 @@ pub(super) fn likeness(
         receive_buffer_bytes: Some(bytes).filter(|bytes| RECEIVE_BUFFER_BYTES.contains(bytes)),
         start_in_machine: Some(start_in_machine(run)?),
         has_mist: firmware == Firmware::Grbl && recorded.options.contains('M'),
+        // No bag says it: a run with threads has begun only where there is one.
+        has_spindle_encoder: true,
         has_line_numbers: firmware == Firmware::Grbl && recorded.options.contains('N'),
         ..Build::new(settings)
     };

@@ -39,6 +39,8 @@ pub(super) const CYCLE: &str = "post the program with canned cycles expanded to 
 pub(super) const PROBE: &str = "probe with the probe action, outside part programs";
 pub(super) const THREAD: &str =
     "the spindle and the axes are not synchronised; thread on a lathe control";
+const RIGID_TAP: &str =
+    "no controller turns the spindle back in pace with the axes: tap with G84 in a floating chuck";
 pub(super) const OFFSETS: &str = "set offsets on the machine and select them with G54 to G59";
 pub(super) const FEED_MODE: &str = "post feeds in mm/min or inch/min (G94)";
 pub(super) const CONSTANT_SPEED: &str = "post spindle speeds in 1/min (G97)";
@@ -79,7 +81,7 @@ fn g(tenths: u16) -> GWord {
         383 => GWord::Motion(Mode::Probe(Probe { away: false, may_miss: true })),
         384 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: false })),
         385 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: true })),
-        760 => GWord::RefusedMotion(THREAD),
+        760 => GWord::Motion(Mode::ThreadCycle),
         700 | 710..=712 | 720..=722 => GWord::Refused(
             "lathe cycles are not written out as moves; post the cuts as lines and arcs",
         ),
@@ -88,7 +90,8 @@ fn g(tenths: u16) -> GWord {
         950 => GWord::FeedMode(FeedMode::PerRevolution),
         980 => GWord::Retract { to_r: false },
         990 => GWord::Retract { to_r: true },
-        330 | 331 => GWord::RefusedMotion(THREAD),
+        330 => GWord::Motion(Mode::Thread),
+        331 => GWord::RefusedMotion(RIGID_TAP),
         431 => GWord::Length(LengthWord::Given),
         432 => GWord::Length(LengthWord::Added),
         _ => common(tenths),

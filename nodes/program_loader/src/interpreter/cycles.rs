@@ -411,6 +411,11 @@ impl Interpreter<'_> {
     ) {
         let mut end = hole;
         end[across] = height;
+        self.move_to(class, end, named);
+    }
+
+    /// Moves to a place; nothing if the tool is there and no axis is named.
+    pub(super) fn move_to(&mut self, class: MotionClass, end: Position, named: AxisSet) {
         let from = self.axes.position;
         let moves = (0..3).filter(|&axis| end[axis] != from[axis]);
         let axes = moves.fold(named, AxisSet::with);

@@ -148,11 +148,14 @@ impl Interpreter<'_> {
                     Mode::Arc { .. } => "an arc",
                     Mode::Cycle(_) => "a drilling cycle",
                     Mode::Probe(_) => "a probe",
+                    Mode::Thread | Mode::ThreadCycle => "a thread",
                     _ => "a curve",
                 };
                 let message = format!("{letters} cannot move in {what}");
                 let help = format!("post the block as lines, or move {letters} with G0 or G1");
                 self.report_block(scene, Code::Axes, message, &help);
+                // Its other words belong to the motion that it does not have.
+                self.request.has_refused_word = true;
                 has_motion
             }
         }

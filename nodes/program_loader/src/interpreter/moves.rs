@@ -104,6 +104,9 @@ impl Interpreter<'_> {
                     self.cycle_without_axes(scene, cycle, at);
                 }
                 Some((GWord::Motion(Mode::Probe(_)), at)) => self.probe_without_axes(scene, at),
+                Some((GWord::Motion(Mode::Thread | Mode::ThreadCycle), at)) => {
+                    self.thread_without_axes(scene, at);
+                }
                 _ => {}
             }
             return;
@@ -135,6 +138,8 @@ impl Interpreter<'_> {
             Some(Mode::Arc { clockwise }) => self.arc(scene, clockwise),
             Some(Mode::Cycle(cycle)) => self.cycle(scene, cycle),
             Some(Mode::Probe(probe)) => self.probe(scene, probe),
+            Some(Mode::Thread) => self.thread(scene),
+            Some(Mode::ThreadCycle) => self.thread_cycle(scene),
             // They have been followed above.
             Some(Mode::Spline(_)) => {}
             Some(Mode::Polar { rapid }) => {

@@ -189,6 +189,8 @@ impl Interpreter<'_> {
             Some(Mode::Arc { clockwise: false }) => 30.0,
             Some(Mode::Cycle(cycle)) => f64::from(cycle.number()) * 10.0,
             Some(Mode::Spline(spline)) => spline.number(),
+            Some(Mode::Thread) => 330.0,
+            Some(Mode::ThreadCycle) => 760.0,
             Some(Mode::Probe(probe)) => 380.0 + f64::from(probe.number()),
         }
     }

@@ -30,6 +30,16 @@ pub(super) enum Action {
         miss_is_fine: bool,
     },
     FinishProbe,
+    /// Waits until the spindle has come around, and reports nothing meanwhile.
+    AwaitIndex {
+        left_s: f64,
+        /// The spindle is too slow: the wait ends in an alarm.
+        is_too_long: bool,
+        is_answered: bool,
+    },
+    /// A motion at the pace of the spindle, which no hold stops.
+    Thread(Move),
+    FinishThread,
     Dwell {
         left_s: f64,
     },
@@ -79,7 +89,14 @@ impl Action {
 
     /// Is the answer of this action's line sent before the action?
     pub(super) fn comes_after_answer(&self) -> bool {
-        matches!(self, Self::Restart | Self::Sleep | Self::ToolChange | Self::Startup(_))
+        matches!(
+            self,
+            Self::Restart
+                | Self::Sleep
+                | Self::ToolChange
+                | Self::Startup(_)
+                | Self::AwaitIndex { is_answered: true, .. }
+        )
     }
 }
 
@@ -140,6 +157,30 @@ impl Controller {
             Action::FinishProbe => {
                 if self.probing.is_some() {
                     return Some(action);
+                }
+            }
+            Action::AwaitIndex { left_s, is_too_long, .. } => {
+                if left_s > 0.0 && !is_check {
+                    return Some(action);
+                }
+                if is_too_long && !is_check {
+                    self.alarm(Alarm::SPINDLE);
+                    self.script.retain(Action::is_answer);
+                }
+            }
+            Action::Thread(motion) => {
+                self.plan(&motion);
+                self.note_drawn(&motion);
+                // A hold during the wait stops it where it begins.
+                if std::mem::take(&mut self.has_pending_hold) {
+                    self.feed_hold();
+                }
+                self.is_threading = true;
+            }
+            Action::FinishThread => {
+                self.is_threading = false;
+                if std::mem::take(&mut self.has_pending_hold) {
+                    self.feed_hold();
                 }
             }
             Action::Dwell { left_s } => {

@@ -118,9 +118,16 @@ impl Controller {
     fn dwell_left_s(&self) -> Option<f64> {
         let is_running = matches!(self.state, ControllerState::Idle | ControllerState::Run);
         match self.script.front() {
-            Some(Action::Dwell { left_s }) if is_running => Some(*left_s),
+            Some(Action::Dwell { left_s } | Action::AwaitIndex { left_s, .. }) if is_running => {
+                Some(*left_s)
+            }
             _ => None,
         }
+    }
+
+    /// Does a thread wait for its spindle?
+    pub(super) fn awaits_index(&self) -> bool {
+        matches!(self.script.front(), Some(Action::AwaitIndex { .. }))
     }
 
     /// The nearest switch or probe contact on the block in motion, mm ahead.
@@ -204,7 +211,8 @@ impl Controller {
         } else {
             limit
         };
-        if let Some(Action::Dwell { left_s }) = self.script.front_mut()
+        if let Some(Action::Dwell { left_s } | Action::AwaitIndex { left_s, .. }) =
+            self.script.front_mut()
             && dwell.is_some()
         {
             *left_s = (*left_s - used).max(0.0);

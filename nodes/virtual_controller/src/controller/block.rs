@@ -7,12 +7,20 @@ use crate::codes::ErrorCode;
 use crate::gcode::{Checked, CommandKind, Effect, FeedMode, Flow, NonModal, Spindle, check};
 use crate::motion::{Move, ProgrammedSpeed};
 
+/// Of the fastest of Z: no thread is cut faster, along whatever axes.
+const THREAD_SHARE: f64 = 0.9;
+/// The longest wait for two turns of the spindle, s.
+const INDEX_WAIT_S_MAX: f64 = 5.0;
+
 impl Controller {
     /// Checks a program line and queues its actions.
     pub(super) fn block(&mut self, text: &str) -> Result<(), ErrorCode> {
         let vocabulary = self.vocabulary();
         let block =
             check(text, CommandKind::Program, &vocabulary, &self.parser, &self.memory.systems)?;
+        if let Effect::Thread { pitch, .. } = block.effect {
+            self.check_thread(&block, pitch)?;
+        }
         self.queue_accessories(&block);
         self.queue_offsets(&block);
         self.queue_motion(&block);
@@ -151,6 +159,31 @@ impl Controller {
                 };
                 self.script.push_back(Action::Chords { chords, speed, line_number });
             }
+            Effect::Thread { target, pitch } => {
+                let motion = Move {
+                    target_in_machine: *target,
+                    speed: ProgrammedSpeed::Feed(block.spindle_rpm * pitch),
+                    line_number,
+                    ignores_overrides: true,
+                    ends_motion: true,
+                };
+                self.parser.position_in_machine = *target;
+                if self.state == ControllerState::Check {
+                    return;
+                }
+                let wait_s = 120.0 / block.spindle_rpm;
+                self.script.extend([
+                    Action::Synchronize,
+                    Action::AwaitIndex {
+                        left_s: wait_s.min(INDEX_WAIT_S_MAX),
+                        is_too_long: wait_s > INDEX_WAIT_S_MAX,
+                        is_answered: self.planner.is_empty(),
+                    },
+                    Action::Thread(motion),
+                    Action::Synchronize,
+                    Action::FinishThread,
+                ]);
+            }
             Effect::Probe { target, away, miss_is_fine } => {
                 let motion = Move {
                     target_in_machine: *target,
@@ -168,6 +201,18 @@ impl Controller {
                     Action::FinishProbe,
                 ]);
             }
+        }
+    }
+
+    /// Does the spindle turn, and slowly enough?
+    fn check_thread(&self, block: &Checked, pitch: f64) -> Result<(), ErrorCode> {
+        let feed = block.spindle_rpm * pitch;
+        if self.spindle == Spindle::Off || feed == 0.0 {
+            return Err(ErrorCode::SpindleNotRunning);
+        }
+        match feed > self.memory.settings.max_rate_mm_per_min()[2] * THREAD_SHARE {
+            true => Err(ErrorCode::MaxFeedRateExceeded),
+            false => Ok(()),
         }
     }
 

@@ -68,6 +68,8 @@ pub struct Build {
     pub has_line_numbers: bool,
     /// Compile option: M7 and 0xA1. grblHAL and FluidNC always have it.
     pub has_mist: bool,
+    /// The spindle has an encoder, which grblHAL can thread with.
+    pub has_spindle_encoder: bool,
     /// Compile option: `[echo: ]` with each line, before it is executed.
     pub echoes_lines: bool,
 }
@@ -83,6 +85,7 @@ impl Build {
             probe_stop_fourth: None,
             has_line_numbers: false,
             has_mist: false,
+            has_spindle_encoder: false,
             echoes_lines: false,
         }
     }
@@ -166,6 +169,8 @@ pub struct Controller {
     is_torn: bool,
     /// `!` came while homing.
     has_pending_hold: bool,
+    /// The axes keep pace with the spindle.
+    is_threading: bool,
     /// The interval of automatic reports, as it was at power-up, and when the next one is due.
     report_interval: Option<Duration>,
     report_due: Option<Duration>,
@@ -235,6 +240,7 @@ impl Controller {
             has_pending_report: false,
             is_torn: false,
             has_pending_hold: false,
+            is_threading: false,
             report_interval: None,
             report_due: None,
             now: Duration::ZERO,
@@ -255,7 +261,12 @@ impl Controller {
     fn vocabulary(&self) -> Vocabulary {
         let vocabulary = self.traits().vocabulary;
         let axes = self.memory.settings.letters();
-        Vocabulary { axes, has_mist: vocabulary.has_mist || self.build.has_mist, ..vocabulary }
+        Vocabulary {
+            axes,
+            has_mist: vocabulary.has_mist || self.build.has_mist,
+            has_spindle_sync: vocabulary.has_spindle_sync && self.build.has_spindle_encoder,
+            ..vocabulary
+        }
     }
 
     /// Receives bytes that arrived at `now`.
@@ -288,7 +299,8 @@ impl Controller {
     /// this call, so there may be more to transmit at once.
     pub fn transmit(&mut self, to: &mut Vec<u8>) {
         to.append(&mut self.transmit);
-        if self.has_pending_report && !matches!(self.state, ControllerState::Homing(_)) {
+        let is_silent = matches!(self.state, ControllerState::Homing(_)) || self.awaits_index();
+        if self.has_pending_report && !is_silent {
             self.has_pending_report = false;
             self.report_status();
         }

@@ -139,6 +139,10 @@ impl Controller {
     }
 
     pub(super) fn feed_hold(&mut self) {
+        if self.is_threading || self.awaits_index() {
+            self.has_pending_hold = true;
+            return;
+        }
         match &mut self.state {
             ControllerState::Idle => {
                 self.held_feed = 0.0;

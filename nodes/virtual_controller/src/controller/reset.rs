@@ -178,6 +178,7 @@ impl Controller {
         self.cadence = Cadence::new(self.traits());
         self.has_pending_report = false;
         self.has_pending_hold = false;
+        self.is_threading = false;
         self.parser = ParserState::default();
         self.parser.position_in_machine = at.map(|coordinate| f64::from(coordinate as f32));
         self.print("\r\n");

@@ -65,6 +65,7 @@ pub(super) const VOCABULARY: Vocabulary = Vocabulary {
     has_tool_change: false,
     has_optional_stop: false,
     has_mist: false,
+    has_spindle_sync: false,
     has_bare_circles: false,
     digits: Digits::All,
     arc_precision: ArcPrecision::Single,

@@ -33,6 +33,7 @@ pub(super) static TRAITS: Traits = Traits {
         has_tool_change: true,
         has_optional_stop: true,
         has_mist: true,
+        has_spindle_sync: true,
         has_bare_circles: true,
         digits: Digits::Significant,
         arc_precision: ArcPrecision::Double,
@@ -105,6 +106,7 @@ fn build_info(facts: &BuildFacts<'_>) -> Vec<String> {
     let unlocked = if facts.settings.homing_required() { "" } else { "L" };
     let legacy = if facts.settings.legacy_realtime() { '+' } else { '-' };
     let homing = if facts.settings.homing_enabled() { "HOME," } else { "" };
+    let sync = if facts.has_spindle_sync { "SS," } else { "" };
     let (blocks, bytes) = (facts.blocks_max, facts.receive_buffer_bytes);
     let letters: String = facts.settings.letters().all().iter().collect();
     let count = letters.len();
@@ -112,7 +114,7 @@ fn build_info(facts: &BuildFacts<'_>) -> Vec<String> {
         format!("[VER:1.1f.20260817:{}]", facts.note),
         format!("[OPT:VNM{parking}{single_axis}{unlocked}+,{blocks},{bytes},{count},0]"),
         format!("[AXS:{count}:{letters}]"),
-        format!("[NEWOPT:ENUMS,RT{legacy},{homing}TC,SED]"),
+        format!("[NEWOPT:ENUMS,RT{legacy},{homing}TC,{sync}SED]"),
         "[FIRMWARE:grblHAL]".into(),
         "[SIGNALS:D]".into(),
         "[NVS STORAGE:*EEPROM]".into(),

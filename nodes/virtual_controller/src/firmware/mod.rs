@@ -184,6 +184,8 @@ pub(crate) struct Vocabulary {
     pub(crate) has_optional_stop: bool,
     /// M7 is known.
     pub(crate) has_mist: bool,
+    /// G33 is known, and does something where the spindle has an encoder.
+    pub(crate) has_spindle_sync: bool,
     /// G2 and G3 with a centre and no target are a full circle.
     pub(crate) has_bare_circles: bool,
     /// Which digits of a number are read.
@@ -234,6 +236,7 @@ pub(crate) struct BuildFacts<'a> {
     pub(crate) note: &'a str,
     pub(crate) has_line_numbers: bool,
     pub(crate) has_mist: bool,
+    pub(crate) has_spindle_sync: bool,
     pub(crate) blocks_max: usize,
     pub(crate) receive_buffer_bytes: usize,
     pub(crate) settings: &'a Settings,

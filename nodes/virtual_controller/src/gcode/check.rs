@@ -55,7 +55,16 @@ pub(crate) enum Effect {
     Rapid(Axes),
     Line(Axes),
     Arc(Arc),
-    Probe { target: Axes, away: bool, miss_is_fine: bool },
+    Probe {
+        target: Axes,
+        away: bool,
+        miss_is_fine: bool,
+    },
+    /// At the pace of the spindle, so many mm in a revolution.
+    Thread {
+        target: Axes,
+        pitch: f64,
+    },
 }
 
 /// Commands of group 0 that are not motion themselves.
@@ -307,6 +316,13 @@ fn motion(w: &mut Words, ask: &Ask<'_>, state: &ParserState) -> Result<Effect, E
     if modal.motion == Motion::Rapid {
         return Ok(if w.has_axis() { Effect::Rapid(target) } else { Effect::None });
     }
+    if modal.motion == Motion::Thread {
+        let pitch = times(w.take('K').unwrap_or(0.0), mm);
+        return match pitch != 0.0 {
+            true => Ok(Effect::Thread { target, pitch }),
+            false => Err(ErrorCode::ValueOutOfRange),
+        };
+    }
     if feed <= 0.0 {
         return Err(ErrorCode::UndefinedFeed);
     }
@@ -348,6 +364,6 @@ fn motion(w: &mut Words, ask: &Ask<'_>, state: &ParserState) -> Result<Effect, E
             }
             Ok(Effect::Probe { target, away, miss_is_fine })
         }
-        Motion::Rapid | Motion::None => Ok(Effect::None),
+        Motion::Rapid | Motion::Thread | Motion::None => Ok(Effect::None),
     }
 }

@@ -21,6 +21,8 @@ pub(crate) enum Motion {
         /// G38.3, G38.5: a miss is no alarm.
         miss_is_fine: bool,
     },
+    /// G33.
+    Thread,
     /// G80.
     None,
 }

@@ -182,7 +182,8 @@ fn g_word(
             }
             0
         }
-        0..=3 | 38 => {
+        33 if !vocabulary.has_spindle_sync => return Err(ErrorCode::Unsupported),
+        0..=3 | 33 | 38 => {
             w.claim_axes(M)?;
             1
         }
@@ -213,6 +214,7 @@ fn g_word(
             modal.motion =
                 Motion::Probe { away: fraction >= 40, miss_is_fine: matches!(fraction, 30 | 50) };
         }
+        33 => modal.motion = Motion::Thread,
         80 => modal.motion = Motion::None,
         17 => modal.plane = Plane::Xy,
         18 => modal.plane = Plane::Zx,

@@ -55,6 +55,8 @@ pub struct Scenario {
     pub line_numbers: bool,
     /// Built with M7.
     pub mist: bool,
+    /// The spindle has an encoder.
+    pub spindle_encoder: bool,
     /// Built with an echo of each line.
     pub echo: bool,
     /// Bits per second; 0: bytes take no time.
@@ -176,6 +178,7 @@ impl Scenario {
             probe_surface_z_mm: self.probe_z_mm,
             has_line_numbers: self.line_numbers,
             has_mist: self.mist,
+            has_spindle_encoder: self.spindle_encoder,
             echoes_lines: self.echo,
             ..Build::new(settings)
         }

@@ -25,6 +25,7 @@ fn the_example_is_one_and_has_all_keys() {
         "probe_z_mm",
         "line_numbers",
         "mist",
+        "spindle_encoder",
         "echo",
         "baud",
         "time_factor",

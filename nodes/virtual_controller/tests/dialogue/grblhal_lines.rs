@@ -2,6 +2,7 @@
 
 use crate::script::{check, hal};
 use expect_test::expect;
+use virtual_controller::Build;
 
 // Row "error handling".
 #[test]
@@ -283,6 +284,111 @@ fn bytes_from_0x80_on_are_dropped() {
         bytes G0X\xb50.5\n       ok
         wait 2
         ^?                       <Idle|MPos:0.500,0.000,0.000|Bf:100,1023|FS:0,0|Ov:100,100,100|A:|TLR:0>
+    "#]],
+    );
+}
+
+// `gcode.c`, `state_machine.c`: G33 waits for two turns of its spindle, and no hold stops it.
+#[test]
+fn a_thread_needs_an_encoder_and_a_spindle_that_turns() {
+    let encoder = Build { has_spindle_encoder: true, ..hal(&[]) };
+    let script = "
+        $I
+        G33Z-1K1
+        bytes \\n
+        S60M3
+        G33Z-1
+        bytes \\n
+        G33Z-9K100
+        bytes \\n
+        G33Z-2K1
+        $G
+        ^?
+        wait 1
+        ^!
+        settle
+        ^?
+        ^~
+        wait 1
+        ^!
+        ^?
+        settle
+        ^?
+        ^~
+        ^?
+        S20M3
+        G33Z-3K1
+        ^?
+        wait 6
+        ^?
+    ";
+    check(
+        encoder,
+        script,
+        expect![[r#"
+            $I                       [VER:1.1f.20260817:] / [OPT:VNML+,100,1024,3,0] / [AXS:3:XYZ] / [NEWOPT:ENUMS,RT+,TC,SS,SED] / [FIRMWARE:grblHAL] / [SIGNALS:D] / [NVS STORAGE:*EEPROM] / [DRIVER:Simulator] / [DRIVER VERSION:260324] / ok
+            G33Z-1K1                 error:41
+            bytes \n                 ok
+            S60M3                    ok
+            G33Z-1                   error:39
+            bytes \n                 ok
+            G33Z-9K100               error:43
+            bytes \n                 ok
+            G33Z-2K1                 ok
+            $G
+            ^?
+            wait 1
+            ^!
+            settle                   <Hold:0|MPos:0.000,0.000,0.000|Bf:99,1020|FS:0,60|Ov:100,100,100|A:S|TLR:0>
+            ^?                       <Hold:0|MPos:0.000,0.000,0.000|Bf:99,1020|FS:0,60|WCO:0.000,0.000,0.000>
+            ^~                       [MSG:]
+            wait 1
+            ^!
+            ^?                       <Run:1|MPos:0.000,0.000,-0.996|Bf:99,1020|FS:60,60>
+            settle
+            ^?                       <Hold:0|MPos:0.000,0.000,-2.000|Bf:100,1020|FS:0,60>
+            ^~                       [MSG:] / [GC:G33 G54 G17 G21 G90 G94 G49 G98 G50 M3 M9 T0 F0 S60] / ok
+            ^?                       <Idle|MPos:0.000,0.000,-2.000|Bf:100,1023|FS:0,60>
+            S20M3                    ok
+            G33Z-3K1                 ok
+            ^?
+            wait 6                   ALARM:14 / <Idle|MPos:0.000,0.000,-2.000|Bf:100,1023|FS:0,20|A:S>
+            ^?                       <Idle|MPos:0.000,0.000,-2.000|Bf:100,1023|FS:0,20>
+        "#]],
+    );
+    check(
+        hal(&[]),
+        "G33Z-1K1",
+        expect![[r#"
+        G33Z-1K1                 error:20
+    "#]],
+    );
+}
+
+// With a motion before it, its answer comes at its end.
+#[test]
+fn a_thread_after_a_motion_is_answered_at_its_end() {
+    let encoder = Build { has_spindle_encoder: true, ..hal(&[]) };
+    let script = "
+        S300M3
+        G0X1
+        G33Z-2K1
+        G0X2
+        ^?
+        settle
+        ^?
+    ";
+    check(
+        encoder,
+        script,
+        expect![[r#"
+        S300M3                   ok
+        G0X1                     ok
+        G33Z-2K1
+        G0X2
+        ^?                       <Run|MPos:0.000,0.000,0.000|Bf:99,1018|FS:0,300|Ov:100,100,100|A:S|TLR:0>
+        settle                   ok / ok
+        ^?                       <Run|MPos:1.000,0.000,-2.000|Bf:99,1023|FS:0,300|WCO:0.000,0.000,0.000>
     "#]],
     );
 }

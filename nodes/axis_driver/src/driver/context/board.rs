@@ -3,6 +3,7 @@
 use super::machine::Machine;
 use crate::driver::output::Offset;
 use crate::encoder::Board;
+use crate::firmware::THREAD_SHARE;
 use cnc_msgs::geometry::Position;
 
 impl Machine {
@@ -25,6 +26,9 @@ impl Machine {
             is_laser: setting(32) == Some(1.0),
             work_offsets: std::array::from_fn(system),
             further_axes: self.further_axes(),
+            thread_mm_per_min_max: self
+                .has_spindle_sync
+                .then(|| setting(112).map_or(f64::MAX, |fastest| fastest * THREAD_SHARE)),
         }
     }
 }
@@ -50,8 +54,16 @@ mod tests {
         let shift = [0.0, 0.5, 10.0];
         let work_offsets = [shift, [-300.0, -200.0, -30.0], shift, shift, shift, shift];
         machine.on_message(&Message::Axes("XYZAC".into()));
-        let expected =
-            Board { arc_tolerance_mm: 0.01, is_laser: true, work_offsets, further_axes: 0b101 };
+        let options = ["RT+", "TC", "SS", "SED"].map(str::to_owned).to_vec();
+        machine.on_message(&Message::NewOptions(options));
+        machine.on_setting(112, "1000");
+        let expected = Board {
+            arc_tolerance_mm: 0.01,
+            is_laser: true,
+            work_offsets,
+            further_axes: 0b101,
+            thread_mm_per_min_max: Some(900.0),
+        };
         assert_eq!(machine.board(), expected);
         machine.on_setting(12, "0");
         assert_eq!(machine.board().arc_tolerance_mm, Board::default().arc_tolerance_mm);

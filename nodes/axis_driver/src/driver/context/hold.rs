@@ -37,6 +37,9 @@ impl Context {
     pub(in crate::driver) fn watch_hold(&mut self, is_running: bool) {
         let Some(status) = &self.machine.status else { return };
         let Some(hold) = &mut self.hold else { return };
+        if status.will_hold() {
+            return;
+        }
         hold.reports += 1;
         match status.state {
             ControllerState::Run | ControllerState::Jog | ControllerState::Home => {}

@@ -33,6 +33,9 @@ pub(in crate::driver) struct Machine {
     /// Whether `$13` was read, so that lengths can be believed.
     pub(in crate::driver) has_units: bool,
     pub(in crate::driver) has_mist: bool,
+    /// Whether its axes can keep pace with the spindle.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(in crate::driver) has_spindle_sync: bool,
     #[serde(default)]
     homes_one_by_one: bool,
     planner_blocks: Option<u16>,
@@ -214,6 +217,9 @@ impl Machine {
                 self.homes_one_by_one = letters.contains('H');
                 self.planner_blocks = *planner_blocks;
                 return Some(*receive_bytes);
+            }
+            Message::NewOptions(options) => {
+                self.has_spindle_sync = options.iter().any(|option| option == "SS");
             }
             Message::Offset { name, position, further } => {
                 self.remember(name, *position);

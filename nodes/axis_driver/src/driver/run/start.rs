@@ -29,6 +29,7 @@ impl RunRequest {
                 Some("would be stored there, too")
             }
             Action::Probe(_) => Some("probes nothing there"),
+            Action::SpindleSync { .. } => Some("needs a spindle that turns, which none does there"),
             _ => None,
         };
         self.path.events.iter().find_map(|event| {

@@ -103,6 +103,7 @@ impl Controller {
             note: &self.memory.build_info,
             has_line_numbers: self.build.has_line_numbers,
             has_mist: self.vocabulary().has_mist,
+            has_spindle_sync: self.vocabulary().has_spindle_sync,
             blocks_max: self.planner.blocks_max(),
             receive_buffer_bytes: self.build.receive_buffer_bytes(),
             settings: &self.memory.settings,
@@ -169,6 +170,7 @@ impl Controller {
             Motion::Probe { away: false, miss_is_fine: true } => "G38.3",
             Motion::Probe { away: true, miss_is_fine: false } => "G38.4",
             Motion::Probe { away: true, miss_is_fine: true } => "G38.5",
+            Motion::Thread => "G33",
             Motion::None => "G80",
         };
         let plane = match modal.plane {

@@ -18,6 +18,7 @@ impl Controller {
             },
             ControllerState::Check => "Check".into(),
             ControllerState::Homing(_) => "Home".into(),
+            ControllerState::Run if self.is_threading && self.has_pending_hold => "Run:1".into(),
             ControllerState::Run if fields.run_substate && self.probing.is_some() => "Run:2".into(),
             ControllerState::Run | ControllerState::Stopping => "Run".into(),
             ControllerState::Hold { is_stopped } => format!("Hold:{}", u8::from(!is_stopped)),
@@ -42,8 +43,9 @@ impl Controller {
 
     /// `?`: reports at once, or later when there is room and homing has ended.
     pub(in crate::controller) fn report_status(&mut self) {
-        let is_silent = matches!(self.state, ControllerState::Homing(_))
-            && !(self.traits().reports_while_homing)(&self.memory.settings);
+        let is_silent = self.awaits_index()
+            || matches!(self.state, ControllerState::Homing(_))
+                && !(self.traits().reports_while_homing)(&self.memory.settings);
         if is_silent || self.is_transmit_full() {
             self.has_pending_report = true;
         } else {
