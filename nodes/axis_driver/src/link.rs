@@ -50,8 +50,8 @@ pub enum LineKind {
     Dwell { milliseconds: u32 },
     /// The controller may report nothing at all until it answers: homing.
     Silent,
-    /// The controller may report nothing for so long before it answers, or after: a thread that waits
-    /// for its spindle to come around.
+    /// The controller may report nothing for so long before it answers: a thread that waits for its
+    /// spindle to come around.
     Thread { milliseconds: u32 },
 }
 
@@ -302,6 +302,12 @@ impl<T> Link<T> {
         }
     }
 
+    /// Whether the controller cuts a thread, which no hold stops, or waits for its spindle.
+    pub fn is_threading(&self) -> bool {
+        let oldest = self.in_flight.front();
+        oldest.is_some_and(|sent| matches!(sent.kind, LineKind::Thread { .. }))
+    }
+
     /// When [`Self::handle_time`] has something to do.
     pub fn next_deadline(&self) -> Duration {
         self.health.next_poll_at()
@@ -325,8 +331,8 @@ impl<T> Link<T> {
 
     fn on_report(&mut self, now: Duration, report: Report) {
         match report {
-            Report::Ok => self.on_answer(now, None),
-            Report::Error(code) => self.on_answer(now, Some(code)),
+            Report::Ok => self.on_answer(None),
+            Report::Error(code) => self.on_answer(Some(code)),
             Report::Alarm(code) => {
                 self.is_forgiving = true;
                 self.events.push_back(LinkEvent::Alarm(code));
@@ -395,16 +401,11 @@ impl<T> Link<T> {
         answers <= f64::from(FEW_ANSWERS) * share
     }
 
-    fn on_answer(&mut self, now: Duration, error: Option<u16>) {
+    fn on_answer(&mut self, error: Option<u16>) {
         self.health.on_answer();
         self.answers = self.answers.saturating_add(1);
         match self.in_flight.pop_front() {
             Some(sent) => {
-                if let LineKind::Thread { milliseconds } = sent.kind
-                    && error.is_none()
-                {
-                    self.health.expect_silence(now, milliseconds);
-                }
                 self.in_flight_bytes -= sent.bytes();
                 self.buffer.on_answer(sent.bytes());
                 let fault = self.check.on_answer(sent.is_check(), error);

@@ -95,10 +95,12 @@ fn what_is_no_thread_says_why() {
     let compensated = "G21 G90 S400 M3 F100\nG0 X10 Y0 Z5\nT1 M6\nG41 D1\nG1 X20\n";
     for (begin, block, code, part) in [
         (BEGIN, "G33 Z-5", Code::MissingWord, "G33 without K"),
-        (BEGIN, "G33 Z-5 K0", Code::BadNumber, "K0 is no pitch"),
-        (BEGIN, "G33 Z-5 K-1", Code::BadNumber, "K-1 is no pitch"),
+        (BEGIN, "G33 Z-5 K0", Code::BadNumber, "the pitch K0 is not at least"),
+        (BEGIN, "G33 Z-5 K-1", Code::BadNumber, "the pitch K-1"),
         (BEGIN, "G33 Z-5 K1 F100", Code::ModalConflict, "F in a block with G33"),
-        (BEGIN, "G33 K1", Code::MissingWord, "G33 without Z"),
+        (BEGIN, "G33 K1", Code::MissingWord, "G33 without X, Y or Z"),
+        ("G21 G90 S-4 M3\nG0 X10 Y0 Z5\n", "G33 Z-5 K1", Code::BadNumber, "S-4 is negative"),
+        (spindle_off, "G33 Z-5 K1\nG33 Z-6 K1", Code::MissingWord, "neither M3 nor M4 is in force"),
         (BEGIN, "G33 Z-5 A5 K1", Code::Axes, "A cannot move in a thread"),
         (BEGIN, "G33.1 Z-5 K1", Code::Unsupported, "G33.1"),
         (spindle_off, "G33 Z-5 K1", Code::MissingWord, "neither M3 nor M4 is in force"),
@@ -106,25 +108,41 @@ fn what_is_no_thread_says_why() {
         (spindle_off, "G76 P1 Z-5 I-1 J0.1 K0.2", Code::MissingWord, "G76 needs a spindle"),
         (compensated, "G33 Z-5 K1", Code::ForbiddenUnderCompensation, "since line 4"),
         (compensated, "G76 P1 Z-5 I-1 J0.1 K0.2", Code::ForbiddenUnderCompensation, "since line 4"),
-        (BEGIN, "G76 P1 Z-5 I-1 J0.5 K0.2", Code::BadNumber, "G76 with K0.2"),
-        (BEGIN, "G76 P1 Z-5 I0 J0.1 K0.2", Code::BadNumber, "G76 with I0"),
-        (BEGIN, "G76 P1 Z-5 I-1 J0 K0.2", Code::BadNumber, "G76 with J0"),
+        (BEGIN, "G76 P1 Z-5 I-1 J0.5 K0.2", Code::BadNumber, "K0.2 of G76 is not more than J"),
+        (BEGIN, "G76 P1 Z-5 I0 J0.1 K0.2", Code::BadNumber, "I0 of G76 is 0"),
+        (BEGIN, "G76 P1 Z-5 I-1 J0 K0.2", Code::BadNumber, "J0 of G76 is not above 0"),
         (BEGIN, "G76 P1 Z-5 J0.1 K0.2", Code::MissingWord, "G76 without I"),
         (BEGIN, "G76 Z-5 I-1 J0.1 K0.2", Code::MissingWord, "G76 without P"),
         (BEGIN, "G76 P1 I-1 J0.1 K0.2", Code::MissingWord, "G76 without Z"),
         (BEGIN, "G76 P1 X9 I-1 J0.1 K0.2", Code::MissingWord, "G76 without Z"),
-        (BEGIN, "G76 P1 Z-5 I-1 J0.1 K0.2 R0.5", Code::BadNumber, "G76 with R0.5"),
-        (BEGIN, "G76 P1 Z-5 I-1 J0.1 K0.2 Q89", Code::BadNumber, "G76 with Q89"),
+        (BEGIN, "G76 P1 Z-5 I-1 J0.1 K0.2 R0.5", Code::BadNumber, "R0.5 of G76 is below 1"),
+        (
+            BEGIN,
+            "G76 P1 Z-5 I-1 J0.1 K0.2 Q89",
+            Code::BadNumber,
+            "Q89 of G76 is more than 80 degrees",
+        ),
         (BEGIN, "G76 P1 Z-5 I-1 J0.1 K0.2 H1.5", Code::BadNumber, "H1.5"),
         (BEGIN, "G76 P1 Z-5 I-1 J0.1 K0.2 E1 L2", Code::Unsupported, "angled entry or exit"),
         (BEGIN, "G76 P1 Z-5 I-1 J0.001 K2 R6", Code::Limit, "passes"),
-        (BEGIN, "G76 P1 Z-5 I-1 J0.1 K2 H2000", Code::Limit, "2000 more at full depth"),
+        (BEGIN, "G76 P1 Z5 I-1 J0.1 K0.2", Code::BadNumber, "is 0.000 mm long"),
+        (BEGIN, "G76 P1 Z4 I-1 J0.5 K1 Q60", Code::BadNumber, "Q takes 1.732 mm of it"),
+        (BEGIN, "G76 P1 Z-9 I1 J800000 K900000 Q70", Code::BadNumber, "is 14.000 mm long"),
+        (BEGIN, "G76 P1 Z-9 I900000 J100000 K200000", Code::Limit, "in X"),
+        (BEGIN, "G76 P1 Z-5 I-1 J0.1 K2 H2000", Code::Limit, "more than 1000 at it"),
     ] {
         let loaded = read(&format!("{begin}{block}\nM2\n"));
         let [error] = &loaded.findings[..] else { panic!("{block}: {:#?}", loaded.findings) };
         assert_eq!(error.code, code, "{block}: {error:?}");
         assert!(error.is_error() && error.message.contains(part), "{block}: {error:?}");
     }
+    // Nobody knows where Z is, or the program only assumes it: the thread is cut.
+    for before in ["G28", "G55", "G0 G53 Z0", "G38.2 Z-20 F50"] {
+        let threaded = events(&format!("{BEGIN}{before}\n"), "G33 Z5 K1");
+        assert_eq!(threaded[1], "line X10 Y0 Z5 F400 named Z", "{before}: {threaded:?}");
+    }
+    let with_a = events(&format!("{BEGIN}G0 A0\n"), "G33 Z-5 A0 K1");
+    assert_eq!(with_a.len(), 2, "{with_a:?}");
     let nothing = read(&format!("{BEGIN}G33 Z5 K1\nM2\n"));
     assert!(nothing.is_accepted() && nothing.findings.len() == 1, "{:#?}", nothing.findings);
 }

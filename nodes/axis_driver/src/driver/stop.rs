@@ -18,7 +18,8 @@ use super::run::job::Job;
 use super::run::replan::{self, ReplanRequest};
 use crate::codes::error_code;
 use crate::link::realtime;
-use crate::report::{ControllerState, StatusReport};
+use crate::report::ControllerState;
+use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::MachineState;
 use std::time::Duration;
 
@@ -57,6 +58,8 @@ enum StopStep {
         since: Duration,
         reports: u32,
         idle_reports: u32,
+        /// Where the axes were when the controller last said that it will hold.
+        moved_to: Option<Position>,
     },
     Resetting {
         until: Duration,
@@ -71,14 +74,19 @@ impl Stopping {
     /// Stops a run that has begun: with a hold, or with a reset where a hold has no effect.
     pub(super) fn begin(context: &mut Context, run: ProgramRun, verdict: RunVerdict) -> Self {
         // Homing does not react to a hold, and in check mode nothing moves.
-        let is_reset = run.job.is_check() || run.is_homing() && context.link.unanswered() > 0;
+        // A hold waits for the end of a thread, which is not where it should be.
+        let is_wrong_thread =
+            verdict.error_code == error_code::PATH_DEVIATION && context.link.is_threading();
+        let is_reset = run.job.is_check()
+            || run.is_homing() && context.link.unanswered() > 0
+            || is_wrong_thread;
         context.hold = None;
         let step = if is_reset {
             context.link.send_reset(context.now);
             StopStep::Resetting { until: context.now + ANSWER }
         } else {
             context.link.send_realtime(realtime::FEED_HOLD);
-            StopStep::Holding { since: context.now, reports: 0, idle_reports: 0 }
+            StopStep::Holding { since: context.now, reports: 0, idle_reports: 0, moved_to: None }
         };
         Self::new(run, verdict, step, None)
     }
@@ -179,13 +187,19 @@ impl Stopping {
         let machine = &context.machine;
         let state = machine.status.as_ref().map(|status| status.state.clone())?;
         let (is_held, is_moving) = (machine.is_held(), machine.is_moving());
-        let will_hold = machine.status.as_ref().is_some_and(StatusReport::will_hold);
+        let will_hold = machine.status.as_ref().filter(|status| status.will_hold());
+        let threads_at = will_hold.and_then(|status| status.machine_position);
         let (since, reports, idle_reports) = match &mut self.step {
-            StopStep::Holding { since, .. } if will_hold => {
-                *since = context.now;
+            // It will hold at the end of the thread, as long as that goes on.
+            StopStep::Holding { since, moved_to, .. }
+                if threads_at.is_some() && *moved_to != threads_at =>
+            {
+                (*since, *moved_to) = (context.now, threads_at);
                 return None;
             }
-            StopStep::Holding { since, reports, idle_reports } => (*since, reports, idle_reports),
+            StopStep::Holding { since, reports, idle_reports, .. } => {
+                (*since, reports, idle_reports)
+            }
             StopStep::Resetting { .. } => return None,
             StopStep::Reporting { .. } if context.link.unanswered() > 0 => return None,
             StopStep::Reporting { .. } => return Some(self.finish(context)),

@@ -320,7 +320,7 @@ impl Encoder {
             return Ok(());
         }
         // A path of rapids alone has no feed.
-        let feed = path.elements[index..].iter().find_map(|element| element.feed_mm_per_min);
+        let feed = self.feed_from(index);
         let mut text = String::from(if feed.is_some() { "G1" } else { "G0" }) + &down;
         self.write_feed(&mut text, feed)?;
         self.modal.motion = Some(u8::from(feed.is_some()));

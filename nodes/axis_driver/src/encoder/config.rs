@@ -50,10 +50,10 @@ pub struct Board {
     /// [`FurtherAxes`](cnc_msgs::further::FurtherAxes).
     #[serde(default)]
     pub further_axes: u8,
-    /// The fastest that it moves at the pace of its spindle, mm/min; `None` where it cannot
-    /// (no `SS` in `[NEWOPT:]`).
+    /// The fastest that X, Y and Z move at the pace of the spindle, mm/min, as far as it is known; `None`
+    /// where they cannot (no `SS` in `[NEWOPT:]`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub thread_mm_per_min_max: Option<f64>,
+    pub thread_mm_per_min_max: Option<[Option<f64>; 3]>,
 }
 
 impl Board {

@@ -76,9 +76,11 @@ pub enum EncodeProblem {
     NoSpindleSync { word: String },
     #[error(
         "{word} feeds {feed:.0} mm/min at this spindle speed, and this controller takes at most {max:.0} mm/min \
-         there (90 % of $112): program a lower S"
+         there (90 % of ${setting}): program a lower S"
     )]
-    ThreadFeed { word: String, feed: f64, max: f64 },
+    ThreadFeed { word: String, feed: f64, max: f64, setting: usize },
+    #[error("how fast {word} may be is not known: the controller has not reported ${setting}")]
+    ThreadRate { word: String, setting: usize },
     #[error(
         "{word} waits for two turns of the spindle, for at most {max} s, and this spindle takes longer: program an S \
          above {:.0}",

@@ -381,7 +381,8 @@ fn a_start_in_the_middle_repeats_what_is_in_force_and_no_more() {
 
 #[test]
 fn a_thread_keeps_pace_with_a_spindle_that_allows_it() {
-    let board = Board { thread_mm_per_min_max: Some(900.0), ..Board::default() };
+    let board =
+        Board { thread_mm_per_min_max: Some([Some(500.0), None, Some(900.0)]), ..Board::default() };
     let config = EncoderConfig { board, ..EncoderConfig::default() };
     let threaded = |pitch_mm: f64, feed, at_element, line| {
         let elements = vec![
@@ -401,11 +402,22 @@ fn a_thread_keeps_pace_with_a_spindle_that_allows_it() {
     let thirteenth = 25.4 / 13.0;
     for (pitch_mm, feed, word) in [(1.5, 900.0, "K1.5"), (thirteenth, 600.0, "K1.953846")] {
         let sent = lines(threaded(pitch_mm, Some(feed), 1, 2), config).unwrap();
-        assert_eq!(sent, ["G1Z-5F200", &format!("G33Z-15{word}"), "G1X1"]);
+        assert_eq!(sent, ["G1Z-5F200", &format!("G33Z-15{word}"), "G4P0", "G1X1"]);
     }
+    let mut across = threaded(1.0, Some(880.0), 1, 2);
+    across.elements[1].end = [10.0, 0.0, -6.0];
+    let mut unknown = across.clone();
+    unknown.elements[1].end = [0.0, 1.0, -6.0];
     for (path, config, words) in [
         (threaded(1.5, Some(900.0), 1, 2), EncoderConfig::default(), "G33 K1.5 needs a spindle"),
         (threaded(1.5, Some(901.0), 1, 2), config, "line 2: G33 K1.5 feeds 901 mm/min"),
+        (
+            across,
+            config,
+            "G33 K1 feeds 876 mm/min at this spindle speed, and this controller takes at most 500 mm/min there (90 % of $110)",
+        ),
+        (unknown, config, "the controller has not reported $111"),
+        (threaded(1.5, Some(30.0), 1, 2), config, "program an S above 24"),
         (threaded(1.5, None, 1, 2), config, "G33 K1.5 moves with a motion of its block"),
         (threaded(1.5, Some(9.0), 1, 1), config, "G33 K1.5 moves with a motion of its block"),
         (threaded(1.5, Some(9.0), 3, 3), config, "G33 K1.5 moves with a motion of its block"),

@@ -1,9 +1,12 @@
 //! G33: lines along which the axes keep pace with the spindle.
 
-use super::{EncodeProblem, Encoder, axis_words};
+use super::{EncodeProblem, EncodedLine, Encoder, axis_words};
 use crate::firmware::{THREAD_WAIT_S_MAX, thread_wait_s};
 use crate::link::LineKind;
+use crate::vectors::{minus, norm};
 use cnc_msgs::contour::{Action, Source};
+use cnc_msgs::geometry::Position;
+use cnc_msgs::path::{PathElement, Role};
 
 /// Decimals of a pitch, mm: the error of each turn adds up along a thread.
 const PITCH_DECIMALS: usize = 6;
@@ -25,18 +28,13 @@ impl Encoder {
         let Some(feed) = element.feed_mm_per_min else {
             return Err(EncodeProblem::NoMotion { words: word });
         };
-        let Some(max) = self.config.board.thread_mm_per_min_max else {
-            return Err(EncodeProblem::NoSpindleSync { word });
-        };
-        if feed > max {
-            return Err(EncodeProblem::ThreadFeed { word, feed, max });
-        }
+        let start = self.path.start_of(index);
+        self.check_rates(&word, start, &element, feed)?;
         let wait_s = thread_wait_s(feed / pitch_mm);
         if wait_s > THREAD_WAIT_S_MAX {
             return Err(EncodeProblem::SlowThread { word, max: THREAD_WAIT_S_MAX });
         }
         self.next_element += 1;
-        let start = self.path.start_of(index);
         self.check_ends(start, element.end)?;
         let (axes, words) = axis_words(element.axes, start, element.end);
         let pitch = format!("{pitch_mm:.PITCH_DECIMALS$}");
@@ -44,7 +42,60 @@ impl Encoder {
         let text = format!("{}G33{words}K{pitch}", self.line_number(index));
         self.modal.motion = None;
         self.modal.unknown = self.modal.unknown.without(axes);
-        let milliseconds = (wait_s * 1e3) as u32 + WAIT_SPARE_MS;
-        self.push_motion(text, LineKind::Thread { milliseconds }, index, &element)
+        let kind = LineKind::Thread { milliseconds: (wait_s * 1e3) as u32 + WAIT_SPARE_MS };
+        self.push_motion(text, kind, index, &element)?;
+        // Waits for the end of the thread, and nothing follows before: grblHAL does not come to rest in
+        // a hold of a motion that follows on one without a stop, and the path watch has one line to judge.
+        let (role, events) = (Role::None, self.next_event);
+        let text = "G4P0".into();
+        self.push(EncodedLine { text, kind, is_alone: true, element: None, source, role, events })
+    }
+
+    /// Whether the axes can keep pace: beyond that grblHAL refuses the line, or falls behind.
+    fn check_rates(
+        &self,
+        word: &str,
+        start: Position,
+        element: &PathElement,
+        feed: f64,
+    ) -> Result<(), EncodeProblem> {
+        let word = word.to_owned();
+        let Some(rates) = self.config.board.thread_mm_per_min_max else {
+            return Err(EncodeProblem::NoSpindleSync { word });
+        };
+        let way = minus(element.end, start);
+        for (axis, max) in rates.into_iter().enumerate() {
+            // That of Z counts along whatever axes.
+            let share =
+                if axis == 2 { 1.0 } else { way[axis].abs() / norm(way).max(f64::MIN_POSITIVE) };
+            if share == 0.0 {
+                continue;
+            }
+            let setting = 110 + axis;
+            let Some(max) = max else { return Err(EncodeProblem::ThreadRate { word, setting }) };
+            if feed * share > max {
+                let feed = feed * share;
+                return Err(EncodeProblem::ThreadFeed { word, feed, max, setting });
+            }
+        }
+        Ok(())
+    }
+
+    /// The feed of the first element from here on that has one of its own. That of a thread follows from
+    /// its spindle.
+    pub(super) fn feed_from(&self, index: usize) -> Option<f64> {
+        let path = &self.path;
+        let first = path.events.partition_point(|event| event.at_element < index);
+        let threads = path.events[first..].iter();
+        let mut threads = threads
+            .filter(|event| matches!(event.action, Action::SpindleSync { .. }))
+            .map(|event| event.at_element)
+            .peekable();
+        let elements = path.elements.iter().enumerate().skip(index);
+        let own = |(number, element): (usize, &PathElement)| {
+            let is_thread = threads.next_if_eq(&number).is_some();
+            element.feed_mm_per_min.filter(|_| !is_thread)
+        };
+        elements.into_iter().find_map(own)
     }
 }

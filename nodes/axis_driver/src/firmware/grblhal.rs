@@ -31,7 +31,8 @@ pub(super) static TRAITS: Traits = Traits {
     no_field_because: "",
 };
 
-/// Of the fastest of Z: it refuses faster threads, along whatever axes.
+/// Of the fastest of an axis. It refuses threads that are faster than that of Z, along whatever axes, and
+/// falls behind the spindle where another axis is too slow.
 pub(crate) const THREAD_SHARE: f64 = 0.9;
 /// The longest that a thread waits for its spindle, s; then it is an alarm.
 pub(crate) const THREAD_WAIT_S_MAX: f64 = 5.0;

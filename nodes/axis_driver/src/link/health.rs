@@ -33,9 +33,6 @@ pub(super) struct Health {
     idle_since: Option<Duration>,
     #[serde(default)]
     asked_at: Option<Duration>,
-    /// A thread was answered that may wait for its spindle until then.
-    #[serde(default)]
-    silent_until: Duration,
 }
 
 impl Health {
@@ -50,7 +47,6 @@ impl Health {
             last_status_at: None,
             idle_since: None,
             asked_at: None,
-            silent_until: Duration::ZERO,
         }
     }
 
@@ -65,7 +61,6 @@ impl Health {
         self.is_deaf = false;
         self.missed = 0;
         self.idle_since = None;
-        self.silent_until = Duration::ZERO;
         self.next_poll_at = now + self.interval;
     }
 
@@ -73,22 +68,16 @@ impl Health {
         self.is_deaf = is_deaf;
     }
 
-    /// No report may come for so long.
-    pub(super) fn expect_silence(&mut self, now: Duration, milliseconds: u32) {
-        self.silent_until = now + Duration::from_millis(u64::from(milliseconds));
-    }
-
     /// Whether a request may stay without its report, with this oldest line without an answer.
     pub(super) fn is_silence_expected(&self, now: Duration, oldest: Option<LineKind>) -> bool {
-        let is_of_line = match oldest {
+        match oldest {
             Some(LineKind::Silent) => true,
             Some(LineKind::Thread { milliseconds }) => {
                 let patience = Duration::from_millis(u64::from(milliseconds));
                 self.waits_since.is_none_or(|since| now < since + patience)
             }
             _ => false,
-        };
-        is_of_line || now < self.silent_until
+        }
     }
 
     /// Asks then, unless a request is under way.

@@ -260,22 +260,26 @@ fn silence_while_homing_or_deaf_is_expected() {
 
 #[test]
 fn silence_while_a_thread_waits_for_its_spindle_is_expected_and_no_longer() {
-    for answered_at in [None, Some(500)] {
+    let kind = LineKind::Thread { milliseconds: 3_000 };
+    // The wait begins with the line, or after a hold of a minute.
+    for held_until in [0, 60_000] {
         let mut link = started();
-        link.send_line("G33Z-5K1", LineKind::Thread { milliseconds: 3_000 }, 1);
+        link.send_line("G33Z-5K1", kind, 1);
+        link.send_line("G4P0", kind, 2);
+        link.receive(ms(0), b"ok\r\n");
+        assert!(link.is_threading());
         let mut silent_at = Vec::new();
-        for now in (0..8000).step_by(10) {
-            if answered_at == Some(now) {
-                link.receive(ms(now), b"ok\r\n");
-            }
+        for now in (0..held_until + 8_000).step_by(10) {
             link.handle_time(ms(now));
+            if now < held_until && now % 100 == 0 {
+                link.receive(ms(now), b"<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+            }
             if events(&mut link).contains(&LinkEvent::Silent) {
                 silent_at.push(now);
             }
         }
-        let [at] = silent_at[..] else { panic!("{answered_at:?}: {silent_at:?}") };
-        let until = answered_at.unwrap_or(0) + 3_000;
-        assert!((until..until + 1_000).contains(&at), "{answered_at:?}: {at}");
+        let [at] = silent_at[..] else { panic!("{held_until}: {silent_at:?}") };
+        assert!((held_until + 3_000..held_until + 4_000).contains(&at), "{held_until}: {at}");
     }
 }
 

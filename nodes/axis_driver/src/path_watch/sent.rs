@@ -51,6 +51,9 @@ pub(super) struct Asked {
     pub(super) turn: Turn,
 }
 
+/// How much faster than its speed asks for a spindle may turn.
+const THREAD_FEED_SHARE: f64 = 1.5;
+
 impl Sent {
     /// Takes the next line.
     pub(super) fn take(&mut self, text: &str) -> Asked {
@@ -117,8 +120,11 @@ impl Sent {
         self.place = target;
         let is_rapid = reference.is_some() || self.words.motion == Some(0);
         let feed_mm_per_min = match words.further.is_empty() {
-            // The spindle says how fast.
-            true if words.is_thread() => Some(f64::INFINITY),
+            // The spindle says how fast, and its speed is not exact.
+            true if words.is_thread() => {
+                let per_turn = words.center[2].zip(self.words.speed);
+                Some(per_turn.map_or(f64::INFINITY, |(pitch, rpm)| THREAD_FEED_SHARE * pitch * rpm))
+            }
             true => self.words.feed.filter(|_| !is_rapid),
             // Boards count degrees as millimetres, or do not.
             false => Some(f64::INFINITY),

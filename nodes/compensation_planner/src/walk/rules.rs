@@ -210,7 +210,6 @@ impl Rules<'_> {
             | Action::Reference { .. }
             | Action::MachineMove { .. }
             | Action::Probe(_)
-            | Action::SpindleSync { .. }
             | Action::Relative { .. }
             | Action::Stretch { .. }
             | Action::ChangeTool { .. } => self.permit(
@@ -218,6 +217,12 @@ impl Rules<'_> {
                 source,
                 &name(action),
                 "cancel the compensation before, and select it again after",
+            ),
+            Action::SpindleSync { .. } => self.permit(
+                always,
+                source,
+                &name(action),
+                "cancel the compensation, and end it with a straight move before",
             ),
             // Whatever the profile allows: the offset path would meet them elsewhere.
             Action::Further(further) => {
@@ -274,7 +279,7 @@ fn name(action: &Action) -> String {
         Action::MachineMove { .. } => "a move in machine coordinates".into(),
         Action::SetWorkOffset { .. } => "a change of a work offset".into(),
         Action::Probe(_) => "a probe".into(),
-        Action::SpindleSync { .. } => "a move that keeps pace with the spindle".into(),
+        Action::SpindleSync { .. } => "a thread (G33, G76)".into(),
         Action::Relative { .. } => "a move from where a probe has ended".into(),
         Action::Stretch { .. } => "the result of a probe".into(),
         _ => action.text(),

@@ -39,8 +39,8 @@ pub(super) const CYCLE: &str = "post the program with canned cycles expanded to 
 pub(super) const PROBE: &str = "probe with the probe action, outside part programs";
 pub(super) const THREAD: &str =
     "the spindle and the axes are not synchronised; thread on a lathe control";
-const RIGID_TAP: &str =
-    "no controller turns the spindle back in pace with the axes: tap with G84 in a floating chuck";
+const RIGID_TAP: &str = "no controller that Kerf drives turns its spindle back at the pace of the axes: tap with G84 \
+                         in a floating chuck";
 pub(super) const OFFSETS: &str = "set offsets on the machine and select them with G54 to G59";
 pub(super) const FEED_MODE: &str = "post feeds in mm/min or inch/min (G94)";
 pub(super) const CONSTANT_SPEED: &str = "post spindle speeds in 1/min (G97)";

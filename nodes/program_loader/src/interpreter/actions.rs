@@ -37,6 +37,7 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn functions_before_motion(&mut self, scene: &mut Scene<'_>) {
         if let Some(rpm) = self.take_within(scene, b'S', 1.0, SPINDLE_RPM_MAX, "1/min") {
+            self.modal.spindle_is_reported = rpm.is_nan() || rpm < 0.0;
             if rpm < 0.0 {
                 self.negative(scene, b'S');
             } else {

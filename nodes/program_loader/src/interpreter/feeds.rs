@@ -49,7 +49,7 @@ impl Interpreter<'_> {
 
     /// The feed of a move that keeps pace with the spindle, mm/min.
     pub(super) fn feed_of_pitch(&self, pitch_mm: f64) -> f64 {
-        (pitch_mm * self.modal.rpm).clamp(FEED_MM_PER_MIN_MIN, FEED_MM_PER_MIN_MAX)
+        (pitch_mm * self.modal.rpm).min(FEED_MM_PER_MIN_MAX)
     }
 
     /// Whether a move at feed has one under G93 or G95; reports its absence once.

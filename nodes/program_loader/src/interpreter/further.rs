@@ -123,7 +123,9 @@ impl Interpreter<'_> {
         let stays = end.iter().all(|(axis, value)| from.get(axis) == Some(value));
         match self.modal.mode {
             // Posts for three axes write A0 into each block.
-            Some(Mode::Rapid | Mode::Feed | Mode::Arc { .. }) if has_motion && stays => true,
+            Some(
+                Mode::Rapid | Mode::Feed | Mode::Arc { .. } | Mode::Thread | Mode::ThreadCycle,
+            ) if has_motion && stays => true,
             Some(Mode::Rapid | Mode::Feed) if has_motion => {
                 self.further.along = end;
                 true
@@ -152,7 +154,12 @@ impl Interpreter<'_> {
                     _ => "a curve",
                 };
                 let message = format!("{letters} cannot move in {what}");
-                let help = format!("post the block as lines, or move {letters} with G0 or G1");
+                let help = match mode {
+                    Mode::Thread | Mode::ThreadCycle => {
+                        format!("move {letters} with G0 before the thread")
+                    }
+                    _ => format!("post the block as lines, or move {letters} with G0 or G1"),
+                };
                 self.report_block(scene, Code::Axes, message, &help);
                 // Its other words belong to the motion that it does not have.
                 self.request.has_refused_word = true;

@@ -47,6 +47,8 @@ pub(super) struct Modal {
     pub(super) x_is_diameter: bool,
     pub(super) rpm: f64,
     pub(super) spindle: SpindleMode,
+    /// That a thread lacks a spindle which turns has been reported, or why S was rejected.
+    pub(super) spindle_is_reported: bool,
     pub(super) mist: bool,
     pub(super) flood: bool,
     pub(super) cycle: CycleWords,
@@ -82,6 +84,7 @@ impl Modal {
             x_is_diameter: rules.x_is_diameter,
             rpm: 0.0,
             spindle: SpindleMode::Off,
+            spindle_is_reported: false,
             mist: false,
             flood: false,
             cycle: CycleWords::default(),

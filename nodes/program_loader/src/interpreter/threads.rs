@@ -2,32 +2,36 @@
 //!
 //! G76 is written out as LinuxCNC does it: a pass of G33 for each depth, and rapids between them.
 
+use super::axes::Reliance;
 use super::{Interpreter, Scene};
-use crate::dialect::Letters;
+use crate::dialect::{Letters, Mode};
 use crate::limits::{COORDINATE_MM_MAX, CYCLE_MOVES_MAX, STAYS_MM};
 use cnc_msgs::contour::{Action, MotionClass, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
-use cnc_msgs::geometry::{AxisSet, Position, Shape};
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
 
 /// The steepest angle at which the tool of G76 may be fed in, degrees.
 const INFEED_DEGREES_MAX: f64 = 80.0;
+/// A pitch below this is a mistake, mm.
+const PITCH_MM_MIN: f64 = 0.001;
 /// The most passes of G76 at full depth after the first one.
 const SPRING_PASSES_MAX: f64 = 1000.0;
 
 /// The passes of G76. Depths are radii, from the drive line where the tool stands.
 struct ThreadCycle {
     pitch_mm: f64,
-    /// 1 where depths go towards plus X.
-    inward: f64,
+    /// 1 for an inside thread, whose depths go towards plus X; else -1.
+    towards_x: f64,
     /// Of the crest, of the first pass below it, and of the whole thread below it, mm.
     crest: f64,
     first: f64,
     depth: f64,
     /// The depth grows with this root of the number of passes.
     degression: f64,
-    /// How far the tool goes along Z for each mm that it goes in.
+    /// How far the tool goes towards minus Z for each mm below the crest.
     lead_per_mm: f64,
     spring_passes: u32,
+    /// Where a pass at the crest would end, mm: the one at full depth ends at the programmed Z.
     target_z: f64,
 }
 
@@ -42,9 +46,14 @@ impl ThreadCycle {
         (1..).map(at).take_while(move |depth| *depth < full).chain(last)
     }
 
-    /// How many there are before the one at full depth.
-    fn roughing_passes(&self) -> f64 {
+    /// The number of the first pass at full depth.
+    fn passes_to_full_depth(&self) -> f64 {
         (self.depth / self.first).powf(self.degression).ceil()
+    }
+
+    /// Where the tool is at a depth, having begun a pass at this Z.
+    fn place(&self, [x, y, _]: Position, depth: f64, z: f64, below_crest: f64) -> Position {
+        [x + self.towards_x * depth, y, z - self.lead_per_mm * below_crest]
     }
 }
 
@@ -56,14 +65,15 @@ impl Interpreter<'_> {
         let pitch_mm = self.pitch(scene, "G33", b'K');
         self.check_thread(scene, "G33");
         if self.request.present.contains(b'F') {
-            let help = "delete F: K and S give the feed of G33";
+            let help = "move F to the next block with G1: K and S give the feed of G33";
             let message = "F in a block with G33".to_owned();
             self.report(scene, b'F', Code::ModalConflict, message, help);
         }
         let from = self.axes.position;
         let is_sound = self.relies(scene, end.relative);
+        let is_known = self.axes.rely_on(self.turned_axes(end.named)) == Reliance::Known;
         if self.arrive(&end) && is_sound {
-            if (0..3).all(|axis| (from[axis] - end.position[axis]).abs() < STAYS_MM) {
+            if is_known && (0..3).all(|axis| (from[axis] - end.position[axis]).abs() < STAYS_MM) {
                 let message = "G33 ends where it begins, and cuts nothing".to_owned();
                 let help = "name the end of the thread: Z, or X and Z for a cone";
                 let finding = Finding::warning(Code::SuspiciousValue, self.source, message);
@@ -92,15 +102,15 @@ impl Interpreter<'_> {
             );
         }
         let is_sound = self.relies(scene, x.union(z).union(end.relative));
+        if let Some(cycle) = cycle.as_ref().filter(|_| is_sound && !self.request.is_damaged) {
+            self.check_places(scene, cycle, start, end.position);
+        }
         let (Some(cycle), true) = (cycle, self.arrive(&end) && is_sound) else { return };
         self.axes.position = start;
         for depth in cycle.depths() {
-            let along = cycle.lead_per_mm * (depth - cycle.crest);
-            let at = |depth: f64, z: f64| {
-                let [x, y, _] = start;
-                [x + cycle.inward * depth, y, z - along]
-            };
-            let clear = depth - cycle.crest - cycle.depth;
+            let below_crest = depth - cycle.crest;
+            let at = |depth: f64, z: f64| cycle.place(start, depth, z, below_crest);
+            let clear = below_crest - cycle.depth;
             self.move_to(MotionClass::Rapid, at(clear, start[2]), AxisSet::NONE);
             self.move_to(MotionClass::Rapid, at(depth, start[2]), AxisSet::NONE);
             let (from, to) = (self.axes.position, at(depth, cycle.target_z));
@@ -132,9 +142,10 @@ impl Interpreter<'_> {
                 let help = format!("write {name} with the pitch of the thread");
                 self.report_block(scene, Code::MissingWord, message, &help);
             }
-            Some(pitch) if pitch <= 0.0 => {
-                let message = format!("{} is no pitch", scene.quote(self.request.word(letter)));
-                let help = "write the way along the thread in one revolution, above 0";
+            Some(pitch) if pitch < PITCH_MM_MIN => {
+                let word = scene.quote(self.request.word(letter));
+                let message = format!("the pitch {word} is not at least {PITCH_MM_MIN} mm");
+                let help = "write the way along the thread in one turn of the spindle";
                 self.report(scene, letter, Code::BadNumber, message, help);
             }
             Some(_) => {}
@@ -156,12 +167,15 @@ impl Interpreter<'_> {
             finding.other = Some(since);
             scene.findings.push(finding);
         } else if self.modal.spindle == SpindleMode::Off || self.modal.rpm <= 0.0 {
-            let lacks = match self.modal.spindle {
-                SpindleMode::Off => "neither M3 nor M4 is in force",
-                _ => "no spindle speed is in force",
+            self.request.is_damaged |= self.modal.spindle_is_reported;
+            if std::mem::replace(&mut self.modal.spindle_is_reported, true) {
+                return;
+            }
+            let (lacks, help) = match self.modal.spindle {
+                SpindleMode::Off => ("neither M3 nor M4 is in force", "write M3 or M4 before it"),
+                _ => ("no spindle speed is in force", "write S before it"),
             };
             let message = format!("{word} needs a spindle that turns: {lacks}");
-            let help = "write M3 or M4 with S before it";
             self.report_block(scene, Code::MissingWord, message, help);
         }
     }
@@ -174,9 +188,12 @@ impl Interpreter<'_> {
         end: Position,
     ) -> Option<ThreadCycle> {
         const NEEDED: [(u8, &str); 3] = [
-            (b'I', "I with the distance from here to the crest: below 0 for an outside thread"),
-            (b'J', "J with the depth of the first pass"),
-            (b'K', "K with the depth of the thread"),
+            (
+                b'I',
+                "I with the way from here to the crest (under G7 in diameter): below 0 for an outside thread",
+            ),
+            (b'J', "J with the depth of the first pass (under G7 in diameter)"),
+            (b'K', "K with the depth of the thread (under G7 in diameter)"),
         ];
         let pitch_mm = self.pitch(scene, "G76", b'P');
         let along_x = if self.modal.x_is_diameter { self.scale() / 2.0 } else { self.scale() };
@@ -191,36 +208,37 @@ impl Interpreter<'_> {
             }
         }
         let [crest, first, depth] = depths;
-        let wrong = [
-            (b'I', crest == 0.0, "write the distance from here to the crest of the thread"),
-            (b'J', first <= 0.0, "write the depth of the first pass, above 0"),
-            (b'K', depth <= first, "write the depth of the thread: more than J"),
-        ];
-        for (letter, is_wrong, help) in wrong {
-            if is_wrong {
-                let message = format!("G76 with {}", scene.quote(self.request.word(letter)));
-                self.report(scene, letter, Code::BadNumber, message, help);
-            }
-        }
+        let more = "write it with the depth of the first pass";
+        let thread = "write the depth of the thread, which is more than that of the first pass";
+        self.wrong(
+            scene,
+            b'I',
+            crest == 0.0,
+            "is 0",
+            "write the way from here to the crest of the thread",
+        );
+        self.wrong(scene, b'J', first <= 0.0, "is not above 0", more);
+        self.wrong(scene, b'K', depth <= first, "is not more than J", thread);
         let [angle, degression] = [b'Q', b'R'].map(|letter| self.take(letter));
         let degrees = angle.unwrap_or(0.0);
-        if degrees.abs() > INFEED_DEGREES_MAX {
-            let message = format!("G76 with {}", scene.quote(self.request.word(b'Q')));
-            let help = "write the angle of the compound slide: 29 to 30 for most threads";
-            self.report(scene, b'Q', Code::BadNumber, message, help);
-        }
-        if degression.is_some_and(|it| it < 1.0) {
-            let message = format!("G76 with {}", scene.quote(self.request.word(b'R')));
-            let help = "write 1 for equal depths, 2 for equal areas";
-            self.report(scene, b'R', Code::BadNumber, message, help);
-        }
+        let is_steep = degrees.abs() > INFEED_DEGREES_MAX;
+        let help = "write the angle of the compound slide: 29 to 30 for most threads";
+        self.wrong(
+            scene,
+            b'Q',
+            is_steep,
+            &format!("is more than {INFEED_DEGREES_MAX} degrees"),
+            help,
+        );
+        let help = "write 1 for equal depths, 2 for equal areas";
+        self.wrong(scene, b'R', degression.is_some_and(|it| it < 1.0), "is below 1", help);
         let spring_passes = self.take_number(scene, b'H').unwrap_or(0);
         self.refuse_tapers(scene);
         let backwards = if end[2] > start[2] { -1.0 } else { 1.0 };
         let lead_per_mm = backwards * degrees.to_radians().tan();
         let cycle = ThreadCycle {
             pitch_mm,
-            inward: crest.signum(),
+            towards_x: crest.signum(),
             crest: crest.abs(),
             first,
             depth,
@@ -232,20 +250,53 @@ impl Interpreter<'_> {
         if self.request.is_damaged {
             return None;
         }
-        let passes = cycle.roughing_passes();
-        let moves = 4.0 * (passes + f64::from(spring_passes));
-        if moves.is_nan() || moves > CYCLE_MOVES_MAX || f64::from(spring_passes) > SPRING_PASSES_MAX
-        {
+        let passes = cycle.passes_to_full_depth();
+        let passes_max = CYCLE_MOVES_MAX / 4.0;
+        if !(passes <= passes_max && f64::from(spring_passes) <= SPRING_PASSES_MAX) {
             let message = format!(
-                "the thread takes {passes:.0} passes and {spring_passes} more at full depth; at most \
-                 {:.0} and {SPRING_PASSES_MAX} are accepted",
-                CYCLE_MOVES_MAX / 4.0
+                "the thread takes more than {passes_max} passes to its depth, or more than {SPRING_PASSES_MAX} at it"
             );
             let help = "look for a wrong digit in J, K, R or H";
             self.report_block(scene, Code::Limit, message, help);
             return None;
         }
         Some(cycle)
+    }
+
+    /// Reports a word of G76 that is wrong.
+    fn wrong(&mut self, scene: &mut Scene<'_>, letter: u8, is_wrong: bool, what: &str, help: &str) {
+        if is_wrong {
+            let message = format!("{} of G76 {what}", scene.quote(self.request.word(letter)));
+            self.report(scene, letter, Code::BadNumber, message, help);
+        }
+    }
+
+    /// Reports passes that do not go along the thread, or to places that no machine has.
+    fn check_places(
+        &mut self,
+        scene: &mut Scene<'_>,
+        cycle: &ThreadCycle,
+        start: Position,
+        end: Position,
+    ) {
+        let lead = (cycle.depth * cycle.lead_per_mm).abs();
+        let way = (end[2] - start[2]).abs();
+        if way - lead < STAYS_MM {
+            let message = format!(
+                "the thread is {:.3} mm long, and Q takes {:.3} mm of it from the last pass",
+                way / self.scale(),
+                lead / self.scale()
+            );
+            let help = "name an end farther along Z, or write a smaller Q";
+            return self.report_block(scene, Code::BadNumber, message, help);
+        }
+        let deepest = cycle.place(start, cycle.crest + cycle.depth, start[2], cycle.depth);
+        if let Some(axis) = (0..3).find(|&axis| deepest[axis].abs() > COORDINATE_MM_MAX) {
+            let message =
+                format!("G76 leads beyond {COORDINATE_MM_MAX} mm in {}", AXIS_LETTERS[axis]);
+            let help = "look for a missing decimal point in I, J and K";
+            self.report_block(scene, Code::Limit, message, help);
+        }
     }
 
     /// E and L: an entry or exit at an angle.
@@ -265,7 +316,8 @@ impl Interpreter<'_> {
         for letter in WORDS.iter() {
             let _ = self.take(letter);
         }
-        let message = format!("{} without Z", scene.quote(at));
+        let axes = if self.modal.mode == Some(Mode::Thread) { "X, Y or Z" } else { "Z" };
+        let message = format!("{} without {axes}", scene.quote(at));
         self.report_at(scene, at, Code::MissingWord, message, "name the end of the thread");
     }
 }

@@ -82,7 +82,19 @@ pub(super) enum Action {
     },
 }
 
+/// The longest wait for two turns of the spindle, s.
+const INDEX_WAIT_S_MAX: f64 = 5.0;
+
 impl Action {
+    pub(super) fn await_index(spindle_rpm: f64, is_answered: bool) -> Self {
+        let wait_s = 120.0 / spindle_rpm;
+        Self::AwaitIndex {
+            left_s: wait_s.min(INDEX_WAIT_S_MAX),
+            is_too_long: wait_s > INDEX_WAIT_S_MAX,
+            is_answered,
+        }
+    }
+
     pub(super) fn is_answer(&self) -> bool {
         matches!(self, Self::Answer(_))
     }
@@ -294,6 +306,7 @@ impl Controller {
         self.counts.blocks_discarded += self.planner.len() as u64;
         self.planner.clear(&self.memory.settings);
         self.ran_empty_at_s = None;
+        (self.is_threading, self.has_pending_hold) = (false, false);
         if let Some(parking) = self.parking.take() {
             let steps = steps_from_mm(parking.position(), &self.memory.settings);
             self.planner.set_position_steps(steps);

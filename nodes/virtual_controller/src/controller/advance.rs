@@ -111,8 +111,8 @@ impl Controller {
     }
 
     fn is_moving(&self) -> bool {
-        matches!(self.state, ControllerState::Run | ControllerState::Jog { .. })
-            || self.is_braking()
+        let is_under_way = matches!(self.state, ControllerState::Run | ControllerState::Jog { .. });
+        is_under_way && !self.awaits_index() || self.is_braking()
     }
 
     fn dwell_left_s(&self) -> Option<f64> {

@@ -9,8 +9,6 @@ use crate::motion::{Move, ProgrammedSpeed};
 
 /// Of the fastest of Z: no thread is cut faster, along whatever axes.
 const THREAD_SHARE: f64 = 0.9;
-/// The longest wait for two turns of the spindle, s.
-const INDEX_WAIT_S_MAX: f64 = 5.0;
 
 impl Controller {
     /// Checks a program line and queues its actions.
@@ -171,14 +169,9 @@ impl Controller {
                 if self.state == ControllerState::Check {
                     return;
                 }
-                let wait_s = 120.0 / block.spindle_rpm;
                 self.script.extend([
                     Action::Synchronize,
-                    Action::AwaitIndex {
-                        left_s: wait_s.min(INDEX_WAIT_S_MAX),
-                        is_too_long: wait_s > INDEX_WAIT_S_MAX,
-                        is_answered: self.planner.is_empty(),
-                    },
+                    Action::await_index(block.spindle_rpm, self.planner.is_empty()),
                     Action::Thread(motion),
                     Action::Synchronize,
                     Action::FinishThread,

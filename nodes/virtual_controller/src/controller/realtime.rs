@@ -1,5 +1,6 @@
 //! Real-time bytes and the door: input that acts at once, outside the line queue.
 
+use super::action::Action;
 use super::{Controller, ControllerState, Door};
 use crate::codes::Alarm;
 use crate::firmware::{AcceptedInput, Feedback, Flush};
@@ -193,6 +194,9 @@ impl Controller {
     pub(super) fn resume(&mut self) {
         let is_at_rest = self.planner.is_empty() && self.probing.is_none();
         self.state = if is_at_rest { ControllerState::Idle } else { ControllerState::Run };
+        if self.is_threading && !is_at_rest {
+            self.script.push_front(Action::await_index(self.spindle_rpm, true));
+        }
     }
 
     pub(super) fn open_door(&mut self) {

@@ -344,8 +344,8 @@ fn a_thread_needs_an_encoder_and_a_spindle_that_turns() {
             ^~                       [MSG:]
             wait 1
             ^!
-            ^?                       <Run:1|MPos:0.000,0.000,-0.996|Bf:99,1020|FS:60,60>
-            settle
+            ^?
+            settle                   <Run:1|MPos:0.000,0.000,0.000|Bf:99,1020|FS:0,60>
             ^?                       <Hold:0|MPos:0.000,0.000,-2.000|Bf:100,1020|FS:0,60>
             ^~                       [MSG:] / [GC:G33 G54 G17 G21 G90 G94 G49 G98 G50 M3 M9 T0 F0 S60] / ok
             ^?                       <Idle|MPos:0.000,0.000,-2.000|Bf:100,1023|FS:0,60>

@@ -26,9 +26,9 @@ impl Machine {
             is_laser: setting(32) == Some(1.0),
             work_offsets: std::array::from_fn(system),
             further_axes: self.further_axes(),
-            thread_mm_per_min_max: self
-                .has_spindle_sync
-                .then(|| setting(112).map_or(f64::MAX, |fastest| fastest * THREAD_SHARE)),
+            thread_mm_per_min_max: self.has_spindle_sync.then(|| {
+                [110, 111, 112].map(|number| setting(number).map(|fastest| fastest * THREAD_SHARE))
+            }),
         }
     }
 }
@@ -56,13 +56,14 @@ mod tests {
         machine.on_message(&Message::Axes("XYZAC".into()));
         let options = ["RT+", "TC", "SS", "SED"].map(str::to_owned).to_vec();
         machine.on_message(&Message::NewOptions(options));
+        machine.on_setting(110, "2000");
         machine.on_setting(112, "1000");
         let expected = Board {
             arc_tolerance_mm: 0.01,
             is_laser: true,
             work_offsets,
             further_axes: 0b101,
-            thread_mm_per_min_max: Some(900.0),
+            thread_mm_per_min_max: Some([Some(1800.0), None, Some(900.0)]),
         };
         assert_eq!(machine.board(), expected);
         machine.on_setting(12, "0");

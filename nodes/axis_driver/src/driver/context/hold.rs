@@ -7,6 +7,7 @@ use super::config::{HOLDS_MAX, REPORTS_PER_HOLD};
 use crate::driver::output::LogLevel;
 use crate::link::realtime;
 use crate::report::ControllerState;
+use cnc_msgs::geometry::Position;
 use serde::{Deserialize, Serialize};
 
 /// A hold outside a stop that has not shown in the reports yet.
@@ -17,6 +18,9 @@ pub(in crate::driver) struct HoldWatch {
     is_door: bool,
     reports: u32,
     sent_again: u32,
+    /// Where the axes were when the controller last said that it will hold.
+    #[serde(default)]
+    moved_to: Option<Position>,
 }
 
 impl Context {
@@ -37,7 +41,14 @@ impl Context {
     pub(in crate::driver) fn watch_hold(&mut self, is_running: bool) {
         let Some(status) = &self.machine.status else { return };
         let Some(hold) = &mut self.hold else { return };
-        if status.will_hold() {
+        // It does so at the end of a thread, as long as that goes on.
+        if status.will_hold() && !hold.is_door && hold.moved_to != status.machine_position {
+            let is_first = hold.moved_to.is_none();
+            hold.moved_to = status.machine_position;
+            if is_first {
+                let text = "the hold waits for the end of the thread; soft_reset stops at once";
+                self.log(LogLevel::Info, text);
+            }
             return;
         }
         hold.reports += 1;

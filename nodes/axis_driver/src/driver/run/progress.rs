@@ -321,6 +321,9 @@ impl ProgramRun {
             _ => {}
         }
         self.watch_report(context, since);
+        if let Some(exit) = self.take_wrong_thread() {
+            return Some(exit);
+        }
         self.report_progress(context);
         None
     }

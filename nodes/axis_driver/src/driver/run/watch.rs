@@ -20,6 +20,8 @@ pub(super) struct RunWatch {
     watch: Option<Box<PathWatch>>,
     /// Something did not fit, and nobody has resumed since.
     is_deviated: bool,
+    /// A thread is not where it should be: the run ends.
+    wrong_thread: Option<RunVerdict>,
     /// The newest report did not fit; another one was asked for.
     doubt: Option<Doubt>,
     /// The controller has told its offsets just before the first line.
@@ -226,6 +228,11 @@ impl ProgramRun {
         }
     }
 
+    /// A thread is not where it should be, and no hold stops it.
+    pub(super) fn take_wrong_thread(&mut self) -> Option<Exit> {
+        self.watch.wrong_thread.take().map(Exit::Stop)
+    }
+
     /// The operator goes on.
     pub(super) fn forgive_deviation(&mut self) {
         self.watch.doubt = None;
@@ -253,6 +260,12 @@ impl ProgramRun {
             OnPathDeviation::Hold => {
                 context.log(LogLevel::Error, text.clone());
                 self.watch.is_deviated = true;
+                if context.link.is_threading() {
+                    self.job.blamed_line = deviation.culprit().source_line;
+                    let verdict = RunVerdict::aborted(error_code::PATH_DEVIATION, text);
+                    self.watch.wrong_thread = Some(verdict);
+                    return;
+                }
                 self.hold_for(context, format!("{text}; cancel, or resume to go on all the same"));
             }
         }
