@@ -87,6 +87,9 @@ fn g76_is_a_pass_of_g33_for_each_depth() {
     assert_eq!(inside[1], "rapid X11.5 Y0 Z4.5 named X");
     assert_eq!(inside[3], "line X11.5 Y0 Z-9.5 F800 named Z");
     assert_eq!(inside[8], "line X12 Y0 Z-10 F800 named Z");
+    // The other way, a pass has more of it than the thread is long.
+    let other = events(BEGIN, "G76 P2 Z4.5 I1 J0.5 K1 Q-45");
+    assert_eq!(other[3], "line X11.5 Y0 Z4 F800 named Z");
 }
 
 #[test]

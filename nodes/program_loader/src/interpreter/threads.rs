@@ -208,28 +208,18 @@ impl Interpreter<'_> {
             }
         }
         let [crest, first, depth] = depths;
-        let more = "write it with the depth of the first pass";
-        let thread = "write the depth of the thread, which is more than that of the first pass";
-        self.wrong(
-            scene,
-            b'I',
-            crest == 0.0,
-            "is 0",
-            "write the way from here to the crest of the thread",
-        );
-        self.wrong(scene, b'J', first <= 0.0, "is not above 0", more);
-        self.wrong(scene, b'K', depth <= first, "is not more than J", thread);
+        let help = "write the way from here to the crest of the thread";
+        self.wrong(scene, b'I', crest == 0.0, "is 0", help);
+        let help = "write the depth of the first pass";
+        self.wrong(scene, b'J', first <= 0.0, "is not above 0", help);
+        let help = "write the depth of the thread, which is more than that of the first pass";
+        self.wrong(scene, b'K', depth <= first, "is not more than J", help);
         let [angle, degression] = [b'Q', b'R'].map(|letter| self.take(letter));
         let degrees = angle.unwrap_or(0.0);
         let is_steep = degrees.abs() > INFEED_DEGREES_MAX;
+        let what = format!("is more than {INFEED_DEGREES_MAX} degrees");
         let help = "write the angle of the compound slide: 29 to 30 for most threads";
-        self.wrong(
-            scene,
-            b'Q',
-            is_steep,
-            &format!("is more than {INFEED_DEGREES_MAX} degrees"),
-            help,
-        );
+        self.wrong(scene, b'Q', is_steep, &what, help);
         let help = "write 1 for equal depths, 2 for equal areas";
         self.wrong(scene, b'R', degression.is_some_and(|it| it < 1.0), "is below 1", help);
         let spring_passes = self.take_number(scene, b'H').unwrap_or(0);
@@ -279,7 +269,8 @@ impl Interpreter<'_> {
         start: Position,
         end: Position,
     ) {
-        let lead = (cycle.depth * cycle.lead_per_mm).abs();
+        let backwards = if end[2] > start[2] { -1.0 } else { 1.0 };
+        let lead = backwards * cycle.depth * cycle.lead_per_mm;
         let way = (end[2] - start[2]).abs();
         if way - lead < STAYS_MM {
             let message = format!(
