@@ -338,6 +338,7 @@ impl Lexer<'_> {
                 self.expression(b' ', start);
             }
             b'$' if self.rules.calls => self.variable(),
+            b'$' if self.rules.parameters && self.has_begun => self.spindle(start),
             b'$' => self.rest(
                 Code::Unsupported,
                 "controller settings and commands are not part of a program",
@@ -383,6 +384,18 @@ impl Lexer<'_> {
                 self.report(Code::Syntax, start, message, help);
             }
         }
+    }
+
+    /// The word of a spindle, as LinuxCNC has it: `M3 S500 $0`. There is one.
+    #[cold]
+    fn spindle(&mut self, start: usize) {
+        let number = number::read(self.line.text, start + 1, self.rules.blanks_in_numbers);
+        self.at = number.as_ref().map_or_else(|no| no.end.max(start + 1), |number| number.end);
+        if number.is_ok_and(|number| number.value == 0.0) {
+            return self.covers(start);
+        }
+        let message = format!("`{}` is not $0, the only spindle", self.line.quote(start, self.at));
+        self.report(Code::Unsupported, start, message, "write $0, or delete it");
     }
 
     /// Reports `X[#1+2]`, `#1=5`, `R1=3`, from `start` on; `at` is before the expression.

@@ -39,6 +39,8 @@ fn g33_has_the_feed_of_its_pitch_and_speed() {
             "G33 X22 Z0 K1",
             ["G33 K1", "line X11 Y0 Z0 F100 named XZ"],
         ),
+        // The first spindle is the only one.
+        (BEGIN, "G33 $0 Z-20 K1", ["G33 K1", "line X10 Y0 Z-20 F400 named Z"]),
         // Whatever F means.
         ("G21 G93 S100 M3\nG0 X0 Y0 Z5\n", "G33 Z0 K1", ["G33 K1", "line X0 Y0 Z0 F100 named Z"]),
     ] {
@@ -106,6 +108,7 @@ fn what_is_no_thread_says_why() {
         (spindle_off, "G33 Z-5 K1\nG33 Z-6 K1", Code::MissingWord, "neither M3 nor M4 is in force"),
         (BEGIN, "G33 Z-5 A5 K1", Code::Axes, "A cannot move in a thread"),
         (BEGIN, "G33.1 Z-5 K1", Code::Unsupported, "G33.1"),
+        (BEGIN, "G33 Z-5 K1 $1", Code::Unsupported, "`$1` is not $0"),
         (spindle_off, "G33 Z-5 K1", Code::MissingWord, "neither M3 nor M4 is in force"),
         ("G21 G90 M3\nG0 X10 Y0 Z5\n", "G33 Z-5 K1", Code::MissingWord, "no spindle speed"),
         (spindle_off, "G76 P1 Z-5 I-1 J0.1 K0.2", Code::MissingWord, "G76 needs a spindle"),
