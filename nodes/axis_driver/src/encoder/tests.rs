@@ -417,7 +417,7 @@ fn a_thread_keeps_pace_with_a_spindle_that_allows_it() {
             "G33 K1 feeds 876 mm/min at this spindle speed, and this controller takes at most 500 mm/min there (90 % of $110)",
         ),
         (unknown, config, "the controller has not reported $111"),
-        (threaded(1.5, Some(30.0), 1, 2), config, "program an S above 24"),
+        (threaded(1.5, Some(36.0), 1, 2), config, "program an S above 24"),
         (threaded(1.5, None, 1, 2), config, "G33 K1.5 moves with a motion of its block"),
         (threaded(1.5, Some(9.0), 1, 1), config, "G33 K1.5 moves with a motion of its block"),
         (threaded(1.5, Some(9.0), 3, 3), config, "G33 K1.5 moves with a motion of its block"),

@@ -31,7 +31,7 @@ impl Encoder {
         let start = self.path.start_of(index);
         self.check_rates(&word, start, &element, feed)?;
         let wait_s = thread_wait_s(feed / pitch_mm);
-        if wait_s > THREAD_WAIT_S_MAX {
+        if wait_s >= THREAD_WAIT_S_MAX {
             return Err(EncodeProblem::SlowThread { word, max: THREAD_WAIT_S_MAX });
         }
         self.next_element += 1;
