@@ -143,7 +143,8 @@ class Reader:
         self.feed, self.feed_unit = self.numbers(arguments)[0], self.unit
 
     def on_start_speed_feed_sync(self, arguments):
-        self.pitch = self.lengths(self.numbers(arguments)[1:2])[0]
+        # Newer ones say the spindle before it.
+        self.pitch = self.lengths(self.numbers(arguments)[-2:-1])[0]
 
     on_start_speed_feed_synch = on_start_speed_feed_sync
 

@@ -180,7 +180,8 @@ def apart(a, b):
     if a.feed is not None and b.feed is not None:
         if not abs(a.feed - b.feed) <= a.allowed_feed + 1e-9 * abs(a.feed) + 1e-6:
             return "another feed"
-    if (a.pitch is None) != (b.pitch is None) or a.pitch and abs(a.pitch - b.pitch) > 0.6e-4 * 25.4:
+    if (a.pitch is None) != (b.pitch is None) or \
+            a.pitch is not None and abs(a.pitch - b.pitch) > 0.6e-6 * 25.4:
         return f"the pitch is {b.pitch}, not {a.pitch}"
     if b.rotary is not None and a.rotary is not None:
         pairs = zip(a.rotary, b.rotary)
