@@ -51,8 +51,8 @@ pub(super) struct Asked {
     pub(super) turn: Turn,
 }
 
-/// How much faster than its speed asks for a spindle may turn.
-const THREAD_FEED_SHARE: f64 = 1.5;
+/// How much faster than S asks for a spindle may turn: its override goes to 200 %, and it is not exact.
+const THREAD_FEED_SHARE: f64 = 2.2;
 
 impl Sent {
     /// Takes the next line.
@@ -120,7 +120,7 @@ impl Sent {
         self.place = target;
         let is_rapid = reference.is_some() || self.words.motion == Some(0);
         let feed_mm_per_min = match words.further.is_empty() {
-            // The spindle says how fast, and its speed is not exact.
+            // The spindle says how fast.
             true if words.is_thread() => {
                 let per_turn = words.center[2].zip(self.words.speed);
                 Some(per_turn.map_or(f64::INFINITY, |(pitch, rpm)| THREAD_FEED_SHARE * pitch * rpm))

@@ -221,6 +221,21 @@ fn a_feed_is_too_fast_where_no_line_asks_for_it() {
 }
 
 #[test]
+fn a_thread_is_as_fast_as_its_spindle_may_turn() {
+    let mut watch = watch();
+    send(&mut watch, &["S600M3"]);
+    watch.on_answer();
+    send(&mut watch, &["G33X100K1.5"]);
+    let moving = |x: f64, feed: f64| Seen { feed_mm_per_min: Some(feed), ..at([x, 0.0, 0.0]) };
+    for x in [1.0, 2.0, 3.0, 4.0] {
+        assert_eq!(watch.judge(&moving(x, 1_800.0)), None, "200 % of its speed");
+    }
+    let found: Vec<_> =
+        (5..9).filter_map(|x| watch.judge(&moving(f64::from(x), 9_000.0))).collect();
+    assert!(!found.is_empty() && found[0].to_string().contains("9000 mm/min"), "{found:?}");
+}
+
+#[test]
 fn the_words_in_force_are_those_up_to_the_last_answer() {
     let mut watch = watch();
     let units = ReportUnits::Millimetres;

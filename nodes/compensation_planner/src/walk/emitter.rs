@@ -65,10 +65,8 @@ impl Emitter {
     pub(crate) fn action(&mut self, action: Action, source: Source) {
         match action {
             // The next element is written even where it stays: it is more than its motion.
-            Action::Further(FurtherMove { mode: FurtherMode::Along, .. }) => {
-                self.sent = AxisSet::NONE;
-            }
-            Action::SpindleSync { .. } => self.sent = AxisSet::NONE,
+            Action::Further(FurtherMove { mode: FurtherMode::Along, .. })
+            | Action::SpindleSync { .. } => self.sent = AxisSet::NONE,
             Action::Probe(_) | Action::Relative { .. } => {
                 self.sent = AxisSet::NONE;
                 self.ends_unknown = true;

@@ -177,8 +177,6 @@ impl Controller {
         self.held_feed = 0.0;
         self.cadence = Cadence::new(self.traits());
         self.has_pending_report = false;
-        self.has_pending_hold = false;
-        self.is_threading = false;
         self.parser = ParserState::default();
         self.parser.position_in_machine = at.map(|coordinate| f64::from(coordinate as f32));
         self.print("\r\n");
