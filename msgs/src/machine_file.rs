@@ -31,6 +31,9 @@ pub struct MachineFile {
     /// G54 to G59, G28, G30, G92 and TLO, as `$#` reports them: X, Y and Z, or all axes.
     #[serde(default, deserialize_with = "crate::unique::map")]
     pub offsets_mm: BTreeMap<String, Vec<f64>>,
+    /// Whether the axes can keep pace with the spindle (`SS` in `[NEWOPT:]` of grblHAL), where it is known.
+    #[serde(default)]
+    pub spindle_sync: Option<bool>,
 }
 
 /// The value of a setting. Some settings of grblHAL are words.

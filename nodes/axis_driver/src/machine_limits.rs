@@ -62,6 +62,8 @@ pub struct MachineLimits {
     pub spindle_rpm: Option<[f64; 2]>,
     /// `$32=1`.
     pub is_laser: bool,
+    /// Whether the axes can keep pace with the spindle, where it is known.
+    pub spindle_sync: Option<bool>,
     pub offsets: StoredOffsets,
 }
 
@@ -186,6 +188,7 @@ pub fn settings_of_file(file: &MachineFile) -> Result<ControllerSettings, Limits
         settings,
         axes: axes.to_owned(),
         offsets: offsets?,
+        spindle_sync: file.spindle_sync,
         ..ControllerSettings::default()
     })
 }
@@ -249,6 +252,11 @@ impl MachineLimits {
             is_homed: table.mask(22) & HOMING_ON != 0,
             spindle_rpm,
             is_laser: table.values.get(&32) == Some(&"1"),
+            spindle_sync: match settings.firmware {
+                Firmware::GrblHal => settings.spindle_sync,
+                // They know no G33.
+                Firmware::Grbl | Firmware::FluidNc => Some(false),
+            },
             offsets: StoredOffsets::of(&settings.offsets)?,
         })
     }
@@ -270,6 +278,7 @@ impl MachineLimits {
             is_homed: false,
             spindle_rpm: None,
             is_laser: false,
+            spindle_sync: None,
             offsets: StoredOffsets::default(),
         }
     }

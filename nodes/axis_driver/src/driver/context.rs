@@ -123,6 +123,7 @@ impl Context {
             window: self.link.window(),
             settings: machine.reported.iter().map(|(n, value)| (*n, value.clone())).collect(),
             offsets: machine.stored_offsets(),
+            ..ControllerSettings::default()
         };
         self.outputs.push_back(Output::Settings(settings));
     }

@@ -112,6 +112,9 @@ pub struct ControllerSettings {
     /// `$number` and its value.
     pub settings: Vec<(u16, String)>,
     pub offsets: Vec<Offset>,
+    /// Whether the axes can keep pace with the spindle, where it is known. Not published.
+    #[serde(skip)]
+    pub spindle_sync: Option<bool>,
 }
 
 /// A stored position: G54 to G59, G28, G30, G92, TLO; machine frame, mm and degrees.

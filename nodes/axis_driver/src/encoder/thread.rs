@@ -29,11 +29,10 @@ impl Encoder {
             return Err(EncodeProblem::NoMotion { words: word });
         };
         let start = self.path.start_of(index);
-        self.check_rates(&word, start, &element, feed)?;
-        let wait_s = thread_wait_s(feed / pitch_mm);
-        if wait_s >= THREAD_WAIT_S_MAX {
-            return Err(EncodeProblem::SlowThread { word, max: THREAD_WAIT_S_MAX });
-        }
+        let way = minus(element.end, start);
+        let rates =
+            self.config.board.thread_mm_per_min_max.ok_or_else(|| no_spindle_sync(pitch_mm))?;
+        let wait_s = check_pace(pitch_mm, way, feed, rates)?;
         self.next_element += 1;
         self.check_ends(start, element.end)?;
         let (axes, words) = axis_words(element.axes, start, element.end);
@@ -49,36 +48,6 @@ impl Encoder {
         let (role, events) = (Role::None, self.next_event);
         let text = "G4P0".into();
         self.push(EncodedLine { text, kind, is_alone: true, element: None, source, role, events })
-    }
-
-    /// Whether the axes can keep pace: beyond that grblHAL refuses the line, or falls behind.
-    fn check_rates(
-        &self,
-        word: &str,
-        start: Position,
-        element: &PathElement,
-        feed: f64,
-    ) -> Result<(), EncodeProblem> {
-        let word = word.to_owned();
-        let Some(rates) = self.config.board.thread_mm_per_min_max else {
-            return Err(EncodeProblem::NoSpindleSync { word });
-        };
-        let way = minus(element.end, start);
-        for (axis, max) in rates.into_iter().enumerate() {
-            // That of Z counts along whatever axes.
-            let share =
-                if axis == 2 { 1.0 } else { way[axis].abs() / norm(way).max(f64::MIN_POSITIVE) };
-            if share == 0.0 {
-                continue;
-            }
-            let setting = 110 + axis;
-            let Some(max) = max else { return Err(EncodeProblem::ThreadRate { word, setting }) };
-            if feed * share > max {
-                let feed = feed * share;
-                return Err(EncodeProblem::ThreadFeed { word, feed, max, setting });
-            }
-        }
-        Ok(())
     }
 
     /// The feed of the first element from here on that has one of its own. That of a thread follows from
@@ -97,5 +66,44 @@ impl Encoder {
             element.feed_mm_per_min.filter(|_| !is_thread)
         };
         elements.into_iter().find_map(own)
+    }
+}
+
+/// Why a controller without an encoder at its spindle refuses a thread.
+pub(crate) fn no_spindle_sync(pitch_mm: f64) -> EncodeProblem {
+    EncodeProblem::NoSpindleSync { word: Action::SpindleSync { pitch_mm }.text() }
+}
+
+/// Whether the axes can keep pace along a way, mm; how long they wait for the spindle at the most, s.
+///
+/// `rates`: the fastest that X, Y and Z move at its pace, mm/min, as far as it is known.
+///
+/// # Errors
+/// An axis is too slow: grblHAL refuses the line then, or falls behind. Or the spindle is.
+pub(crate) fn check_pace(
+    pitch_mm: f64,
+    way: Position,
+    feed: f64,
+    rates: [Option<f64>; 3],
+) -> Result<f64, EncodeProblem> {
+    let word = Action::SpindleSync { pitch_mm }.text();
+    for (axis, max) in rates.into_iter().enumerate() {
+        // That of Z counts along whatever axes.
+        let share =
+            if axis == 2 { 1.0 } else { way[axis].abs() / norm(way).max(f64::MIN_POSITIVE) };
+        if share == 0.0 {
+            continue;
+        }
+        let setting = 110 + axis;
+        let Some(max) = max else { return Err(EncodeProblem::ThreadRate { word, setting }) };
+        if feed * share > max {
+            let feed = feed * share;
+            return Err(EncodeProblem::ThreadFeed { word, feed, max, setting });
+        }
+    }
+    let wait_s = thread_wait_s(feed / pitch_mm);
+    match wait_s >= THREAD_WAIT_S_MAX {
+        true => Err(EncodeProblem::SlowThread { word, max: THREAD_WAIT_S_MAX }),
+        false => Ok(wait_s),
     }
 }

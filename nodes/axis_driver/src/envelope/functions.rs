@@ -1,8 +1,11 @@
 //! Settings of the controller that change what a program asks for.
 //!
-//! Warnings only: the firmware limits a speed or a feed by itself, and laser mode may be meant.
+//! Warnings only: the firmware limits a speed or a feed by itself, and laser mode may be meant. But a thread
+//! that the axes cannot cut at the pace of the spindle is an error, as it is for the encoder.
 
 use super::{EnvelopeReport, Workplace, place};
+use crate::encoder::{EncodeProblem, check_pace, no_spindle_sync};
+use crate::firmware::THREAD_SHARE;
 use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, MachineMove};
 use crate::vectors::{minus, norm, unit};
@@ -35,6 +38,10 @@ pub(super) struct FunctionCheck {
     has_moved_z: bool,
     power_changes: u32,
     has_cut_since: bool,
+    /// Of the move that comes next, if it has this source: its pitch, mm.
+    pitch: Option<(Source, f64)>,
+    first_thread: Option<Source>,
+    thread: Option<(Source, EncodeProblem)>,
 }
 
 /// A feed that the axes cannot follow.
@@ -86,6 +93,9 @@ impl FunctionCheck {
             has_moved_z: false,
             power_changes: 0,
             has_cut_since: false,
+            pitch: None,
+            first_thread: None,
+            thread: None,
         }
     }
 
@@ -113,6 +123,7 @@ impl FunctionCheck {
                 }
             }
             Action::ChangeTool { tool } => self.tool = tool,
+            Action::SpindleSync { pitch_mm } => self.pitch = Some((source, pitch_mm)),
             _ => {}
         }
     }
@@ -122,6 +133,9 @@ impl FunctionCheck {
         self.has_moved_z |= it.from[2].is_some_and(|from| it.to[2] != Some(from));
         let Some(feed) = it.feed_mm_per_min else { return };
         self.has_cut_since = true;
+        if let Some((_, pitch_mm)) = self.pitch.take().filter(|thread| thread.0 == it.source) {
+            return self.see_thread(it, pitch_mm, feed);
+        }
         if self.feed.is_some() {
             return;
         }
@@ -136,6 +150,22 @@ impl FunctionCheck {
             }
         }
         self.compare(TooFast { source: it.source, feed, rate, unit: "mm", settings });
+    }
+
+    /// A move that keeps pace with the spindle.
+    fn see_thread(&mut self, it: &MachineMove, pitch_mm: f64, feed: f64) {
+        self.first_thread.get_or_insert(it.source);
+        if self.thread.is_some() {
+            return;
+        }
+        // Where the direction is not known, Z counts alone: it does along whatever axes.
+        let way = whole(it.from).zip(whole(it.to)).map_or([0.0; 3], |(from, to)| minus(to, from));
+        let rates = self.limits.rate_mm_per_min.map(|rate| Some(rate * THREAD_SHARE));
+        let problem = match self.limits.spindle_sync {
+            Some(false) => Some(no_spindle_sync(pitch_mm)),
+            Some(true) | None => check_pace(pitch_mm, way, feed, rates).err(),
+        };
+        self.thread = problem.map(|problem| (it.source, problem));
     }
 
     /// A move of A to W.
@@ -196,6 +226,16 @@ impl FunctionCheck {
         let warn =
             |source, message: String| Finding::warning(Code::MachineSetting, source, message);
         let [min, max] = self.limits.spindle_rpm.unwrap_or_default();
+        if let Some((source, problem)) = &self.thread {
+            let text = problem.to_string();
+            report.findings.push(Finding::error(Code::MachineSetting, *source, text));
+        }
+        if let Some(source) = self.first_thread.filter(|_| self.limits.spindle_sync.is_none()) {
+            report.not_judged.push(format!(
+                "whether the spindle has an encoder, which {} needs: the machine file has no spindle_sync",
+                place(source)
+            ));
+        }
         if let Some((source, rpm)) = self.above.first {
             let more = self.above.more();
             let text = format!(

@@ -342,6 +342,66 @@ fn settings_that_change_the_program_are_warnings_with_their_line() {
     }
 }
 
+#[test]
+fn a_thread_needs_an_encoder_and_axes_that_keep_pace() {
+    let threading = |from: [f64; 3], to: [f64; 3], feed, pitch_mm| {
+        let thread = begun().rapid("XYZ", from).act(Action::SpindleSync { pitch_mm });
+        let source = thread.0.events.last().expect("the thread").source;
+        let mut thread = thread.go("", to, Some(feed), Shape::Line);
+        thread.0.elements.last_mut().expect("its motion").source = source;
+        thread
+    };
+    let along_z = |feed| threading([10.0, 10.0, 10.0], [10.0, 10.0, 0.0], feed, 1.0);
+    let along_x = |feed| threading([10.0, 10.0, 10.0], [40.0, 10.0, 10.0], feed, 1.0);
+    let of = |firmware, spindle_sync, changes: &[(u16, f64)]| {
+        let mut settings = settings(firmware, "", changes);
+        let position = [-500.0, -300.0, -60.0];
+        settings.offsets = vec![Offset { name: "G54".into(), position, ..Offset::default() }];
+        MachineLimits { spindle_sync, ..MachineLimits::of(&settings).expect("a machine") }
+    };
+    let setting = Code::MachineSetting;
+    let with = || of(Firmware::GrblHal, Some(true), &[]);
+    for (machine, program, expected) in [
+        (with(), along_z(1800.0), None),
+        (
+            with(),
+            along_z(1801.0),
+            Some("1801 mm/min at this spindle speed, and this controller takes at most 1800"),
+        ),
+        // The limit of Z counts along X too, unless that of X is lower.
+        (with(), along_x(1801.0), Some("(90 % of $112)")),
+        (
+            of(Firmware::GrblHal, Some(true), &[(110, 1000.0)]),
+            along_x(950.0),
+            Some("(90 % of $110)"),
+        ),
+        (with(), along_z(24.0), Some("waits for two turns of the spindle")),
+        (with(), along_z(25.0), None),
+        (of(Firmware::GrblHal, Some(false), &[]), along_z(600.0), Some("this controller has none")),
+        (of(Firmware::GrblHal, None, &[]), along_z(1801.0), Some("(90 % of $112)")),
+        (of(Firmware::GrblHal, None, &[]), along_z(600.0), None),
+    ] {
+        let report = judge(&machine, &program, &KeepOut::default());
+        let expected: Vec<_> = expected.map(|text| (setting, 4, text)).into_iter().collect();
+        check(&report, &expected);
+        assert!(report.findings.iter().all(Finding::is_error));
+        let asks = report.not_judged.iter().filter(|it| it.contains("encoder, which line 4 needs"));
+        assert_eq!(asks.count(), usize::from(machine.spindle_sync.is_none()), "{report:?}");
+    }
+    // A file cannot give it to a firmware that knows no G33.
+    for (firmware, wanted) in [
+        (Firmware::Grbl, Some(false)),
+        (Firmware::FluidNc, Some(false)),
+        (Firmware::GrblHal, Some(true)),
+    ] {
+        let settings = crate::driver::ControllerSettings {
+            spindle_sync: Some(true),
+            ..settings(firmware, "", &[])
+        };
+        assert_eq!(MachineLimits::of(&settings).expect("a machine").spindle_sync, wanted);
+    }
+}
+
 /// A grblHAL with A and U whose zero of G54 is at A-90; homing takes in A as these masks say.
 fn turning_machine(masks: &[(u16, f64)]) -> MachineLimits {
     let mut settings = with_axes(settings(Firmware::GrblHal, "", masks), "XYZAU");

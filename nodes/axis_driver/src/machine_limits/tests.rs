@@ -141,6 +141,7 @@ fn a_file_of_another_board_is_named() {
         axes: String::new(),
         settings: [(number, SettingValue::Number(1.0))].into(),
         offsets_mm: BTreeMap::new(),
+        spindle_sync: None,
     };
     for (file, message) in [
         (file("marlin", 100), "firmware \"marlin\" is not known; known are grbl, grblHAL, FluidNC"),
@@ -208,6 +209,7 @@ fn a_file_names_its_axes_and_has_a_value_for_each() {
         settings: BTreeMap::new(),
         axes: axes.into(),
         offsets_mm: [("G54".to_owned(), values.to_vec())].into(),
+        spindle_sync: None,
     };
     for (axes, values, further) in [
         ("", &[1.0, 2.0, 3.0][..], Ok("")),

@@ -57,6 +57,9 @@ fn text(of: &ControllerSettings) -> String {
     if !of.axes.is_empty() {
         text += &format!("axes: {}\n", quoted(&of.axes));
     }
+    if of.firmware == Firmware::GrblHal.traits().name {
+        text += "# not published; true where [NEWOPT:] of $I has SS: spindle_sync: true\n";
+    }
     text += "settings:\n";
     for row in &of.settings {
         let is_number = row.value.parse::<f64>().is_ok_and(f64::is_finite);

@@ -43,6 +43,7 @@ impl Machine {
             axes: self.axis_letters(),
             settings: self.reported.iter().map(|(n, value)| (*n, value.clone())).collect(),
             offsets: self.stored_offsets(),
+            spindle_sync: Some(self.has_spindle_sync),
             ..ControllerSettings::default()
         };
         MachineLimits::of(&settings)
