@@ -297,6 +297,11 @@ impl Action {
         }
     }
 
+    /// Whether it sends all axes to their switches.
+    pub fn homes_all(&self) -> bool {
+        matches!(self, Self::Home { axes } if *axes == AxisSet::ALL || axes.is_empty())
+    }
+
     /// The canonical word: `S80`, `M3`, `G4 P0.5`.
     pub fn text(&self) -> String {
         match *self {

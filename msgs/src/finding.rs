@@ -163,10 +163,10 @@ pub enum Code {
     ///
     /// Move the clamp and its box, lift the tool above it, or lead around it.
     KeepOut,
-    /// The settings of the controller change what the program asks for: a spindle speed or a feed is
-    /// limited, or laser mode does not fit the program.
+    /// The controller does not do what the program asks for: its settings limit a spindle speed or a
+    /// feed, its laser mode does not fit the program, or it cannot cut a thread.
     ///
-    /// Check the value in the program, and the setting that the message names.
+    /// Check the value in the program, and what the message names of the machine.
     MachineSetting,
     /// A run cannot start at this line: it is after the last block, or inside a compensated contour,
     /// where the control does not start.

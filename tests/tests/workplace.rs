@@ -78,7 +78,8 @@ fn refused(line: &mut Line, request: RunRequest) -> Refusal {
     let (then, stands) = (line.now, line.axes());
     let refusal = line.ask(Command::RunProgram(request)).expect_err("it is refused");
     line.wait(1.0);
-    assert_eq!(line.said_since(then), "", "nothing is sent");
+    // The stored positions may be old: they are asked for, and nothing else is sent.
+    assert_eq!(line.said_since(then).replace("$#\n", ""), "");
     assert_eq!((line.axes(), line.mode()), (stands, Mode::Idle));
     refusal
 }
@@ -102,6 +103,40 @@ fn a_program_that_homes_first_is_placed_where_homing_puts_it() {
     assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal:?}");
     assert!(refusal.message.contains("10.000 mm beyond the travel"), "{refusal:?}");
     line.ask(Command::RunProgram(homing(&[[-10.0, -10.0, -5.0]]))).expect("it fits");
+}
+
+#[test]
+fn a_program_that_homes_later_is_placed_from_there_on() {
+    for firmware in [Firmware::Grbl, Firmware::GrblHal] {
+        let mut settings = Settings::small_router_of(firmware);
+        settings.set_line("$22=1").unwrap();
+        let mut line = Line::new(refusing(), Build::new(settings), &[]);
+        line.until("locked or idle", |line| matches!(line.mode(), Mode::Alarm | Mode::Idle));
+        if line.mode() == Mode::Alarm {
+            line.ask(Command::Unlock).unwrap();
+        }
+        line.until("idle", |line| line.mode() == Mode::Idle);
+        let start = line.axes()[0];
+        // X and where it begins are in another frame than what follows.
+        let homing = |before: f64, after: f64| {
+            let action = Action::Home { axes: AxisSet::NONE };
+            let source = Source { line: 2, ..Source::default() };
+            let events = vec![PathEvent { at_element: 1, action, source }];
+            let ends = [[start + before, -10.0, -5.0], [after, -10.0, -5.0]];
+            request(CompensatedPath { events, ..path(&ends) })
+        };
+        for (before, after, words) in [
+            (601.0, -10.0, "needs 601.000 mm in X"),
+            (40.0, 10.0, "10.000 mm beyond the travel"),
+            (40.0, -610.0, "10.000 mm beyond the travel"),
+        ] {
+            let refusal = refused(&mut line, homing(before, after));
+            assert_eq!(refusal.error_code, error_code::TRAVEL, "{firmware}: {refusal:?}");
+            assert!(refusal.message.contains(words), "{firmware}: {refusal:?}");
+        }
+        let check = RunRequest { check_only: true, ..homing(590.0, -590.0) };
+        line.ask(Command::RunProgram(check)).expect("both parts fit, each for itself");
+    }
 }
 
 const OUT: [[f64; 3]; 3] = [[10.0, 0.0, 5.0], [512.5, 0.0, 5.0], [10.0, 0.0, 5.0]];
@@ -265,7 +300,6 @@ fn who_wants_it_is_warned_or_left_alone() {
         line.ask(Command::RunProgram(request)).expect("it is accepted");
         line.log.iter().any(|text| text.contains("beyond the travel") || text.contains("needs"))
     };
-    assert!(run(DriverConfig::default().check_travel), "a driver as delivered warns");
     assert!(run(CheckTravel::Warn));
     assert!(!run(CheckTravel::Off));
 }
@@ -295,6 +329,57 @@ fn a_tool_that_would_touch_a_clamp_is_refused_with_the_name_of_the_clamp() {
     }
     let accepted = line.ask(Command::RunProgram(request(cut(-1.5))));
     accepted.expect("it passes with 0.5 mm");
+}
+
+/// Lines from another port of the board, which answers there.
+fn pendant(line: &mut Line, text: &str) {
+    line.inject("mute:ok");
+    let now = line.now;
+    line.controller.device_mut().controller_mut().receive(now, format!("{text}\n").as_bytes());
+    line.wait(0.01);
+}
+
+#[test]
+fn what_fits_since_a_pendant_has_moved_the_zero_is_not_refused() {
+    for firmware in [Firmware::Grbl, Firmware::GrblHal] {
+        // Right before the goal, and long before it: then it is known.
+        for (waits_s, asks) in [(0.0, 1), (3.0, 0)] {
+            for is_check in [true, false] {
+                let mut line = homed(firmware, refusing());
+                line.wait(1.0);
+                let then = line.now;
+                pendant(&mut line, "G10L2P1X-520");
+                line.wait(waits_s);
+                assert_eq!(line.said_since(then).matches("$#").count(), 1 - asks, "{firmware}");
+                let then = line.now;
+                let check = RunRequest { check_only: is_check, ..request(path(&OUT)) };
+                line.ask(Command::RunProgram(check)).expect("it fits");
+                if is_check {
+                    assert_eq!(line.said_since(then).matches("$#").count(), asks, "{firmware}");
+                    continue;
+                }
+                line.until("the run ends", |line| line.finished.is_some());
+                let result = line.finished.take().expect("it ends");
+                assert_eq!(result.outcome, RunOutcome::Succeeded, "{}", result.message);
+            }
+        }
+        // A work system that is not the one in force shows in no report.
+        let mut line = homed(firmware, refusing());
+        pendant(&mut line, "G10L2P2X-520Y-300Z-60");
+        let mut other = path(&OUT);
+        let action = Action::WorkOffset { system: 2 };
+        other.events.push(PathEvent { at_element: 0, action, source: Source::default() });
+        assert_eq!(line.run(other).outcome, RunOutcome::Succeeded, "{firmware}");
+    }
+}
+
+#[test]
+fn a_controller_that_does_not_say_its_offsets_leaves_the_refusal() {
+    let mut line = homed(Firmware::Grbl, refusing());
+    line.wait(1.0);
+    line.inject("mute:ok");
+    let refusal = line.ask(Command::RunProgram(request(path(&OUT)))).expect_err("it is refused");
+    assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal}");
 }
 
 #[test]

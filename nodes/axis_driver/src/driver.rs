@@ -137,14 +137,18 @@ impl Driver {
 
     /// When [`Input::Timer`] is wanted at the latest.
     pub fn next_deadline(&self) -> Option<Duration> {
-        let is_encoding = self.check.is_some() || self.phase.is_encoding();
-        let encoding = is_encoding.then_some(self.context.now);
+        let checking = self.check.as_ref();
+        let checking = checking.map(|it| it.proof.waits_until().unwrap_or(self.context.now));
+        let encoding = self.phase.is_encoding().then_some(self.context.now);
         let link = self.is_open().then(|| self.context.link.next_deadline());
         let phase = self.phase.deadline();
         let leaving = self.leaving.as_ref().map(|leaving| leaving.until);
         let (commander, ros) = (self.commander_deadline(), self.ros_deadline());
         let overrides = self.context.overrides.as_ref().map(|watch| watch.until);
-        [encoding, link, phase, leaving, commander, ros, overrides].into_iter().flatten().min()
+        [checking, encoding, link, phase, leaving, commander, ros, overrides]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// When the last report came through the port that is open.

@@ -37,7 +37,7 @@ use words::{to_grid, write_word};
 pub use config::{Board, EncoderConfig, Homing};
 pub use problem::{EncodeError, EncodeProblem};
 pub use restart::{StartProblem, start_at};
-pub(crate) use thread::{check_pace, no_spindle_sync};
+pub(crate) use thread::{check_pace, no_spindle_sync, shares};
 
 /// One line and where it comes from.
 #[derive(Debug, Clone, PartialEq)]

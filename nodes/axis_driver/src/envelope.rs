@@ -11,15 +11,15 @@ mod keep_out;
 mod travel;
 
 use crate::machine_limits::{MachineLimits, StoredOffsets};
-use crate::machine_path::{Known, MachinePath, Step};
+use crate::machine_path::{Known, MachineMove, MachinePath, Step};
 use cnc_msgs::calls::Calls;
 use cnc_msgs::finding::Finding;
-use cnc_msgs::geometry::Position;
+use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::keep_out::KeepOut;
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, PathEvent};
 use functions::FunctionCheck;
 use keep_out::KeepOutCheck;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use travel::TravelCheck;
 
 /// Judges a path, in slices as long as the caller likes.
@@ -29,10 +29,46 @@ pub struct Envelope {
     travel: TravelCheck,
     keep_out: KeepOutCheck,
     functions: FunctionCheck,
-    /// Elements before this one are not run.
-    first_element: usize,
+    /// What counts once the path has homed a machine that was not.
+    after_homing: Option<Box<(TravelCheck, KeepOutCheck)>>,
+    /// Whether the machine has moved since the beginning, or since it was homed.
+    has_moved: bool,
+    /// Of what comes before the homing.
+    before_homing: EnvelopeReport,
+    beginning: Beginning,
+    /// Where the axes are before that.
+    start: Known,
     /// Of the path.
     calls: Calls,
+}
+
+/// Where a run begins in its path.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Beginning {
+    /// The first element that is run.
+    pub element: usize,
+    /// The first event that is: of those before only the words stay in force.
+    pub event: usize,
+    /// How the tool gets there, where it does not stand there.
+    pub approach: Option<Approach>,
+}
+
+/// A way from above to where a run begins in the middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Approach {
+    /// Machine frame.
+    pub height_mm: f64,
+    /// The axes that move there.
+    pub axes: AxisSet,
+}
+
+impl Beginning {
+    /// With this element, and none of the events before it.
+    pub fn with_element(path: &CompensatedPath, element: usize) -> Self {
+        let before = |event: &PathEvent| element > 0 && event.at_element <= element;
+        let event = path.events.partition_point(before);
+        Self { element, event, approach: None }
+    }
 }
 
 /// What was found.
@@ -55,11 +91,11 @@ pub struct Workplace<'a> {
 }
 
 impl Envelope {
-    /// Begins with a path. A run that starts in the middle begins with `first_element`.
+    /// Begins with a path.
     pub fn new(
         limits: &MachineLimits,
         path: &CompensatedPath,
-        first_element: usize,
+        beginning: Beginning,
         workplace: Workplace<'_>,
     ) -> Self {
         let start: Known = match workplace.start_in_machine {
@@ -67,15 +103,27 @@ impl Envelope {
             None => [None; 3],
         };
         // What runs first begins where the tool is, whatever the path says before it.
-        let walk_start = if first_element == 0 { start } else { [None; 3] };
+        let walk_start = if beginning.element == 0 { start } else { [None; 3] };
         Self {
             walk: MachinePath::new(path, &limits.offsets, walk_start),
             travel: TravelCheck::new(limits, start),
             keep_out: KeepOutCheck::new(limits, workplace),
             functions: FunctionCheck::new(limits, workplace),
-            first_element,
+            after_homing: None,
+            has_moved: false,
+            before_homing: EnvelopeReport::default(),
+            beginning,
+            start,
             calls: path.calls.clone(),
         }
+    }
+
+    /// The machine is not homed yet: where the path homes all axes, these limits count from there on.
+    #[must_use]
+    pub fn homed_by_path(self, limits: &MachineLimits, workplace: Workplace<'_>) -> Self {
+        let travel = TravelCheck::new(limits, [None; 3]);
+        let keep_out = KeepOutCheck::new(limits, workplace);
+        Self { after_homing: Some(Box::new((travel, keep_out))), ..self }
     }
 
     /// Goes on from its first element with these stored positions: those that the controller has
@@ -87,7 +135,7 @@ impl Envelope {
         offsets: &StoredOffsets,
         here: Option<Position>,
     ) {
-        self.advance_to(path, self.first_element);
+        self.advance_to(path, self.beginning.element);
         self.walk.take_offsets(path, offsets);
         if let Some(here) = here {
             self.walk.assume(here);
@@ -97,43 +145,83 @@ impl Envelope {
     /// Judges all that happens before this element; the number of elements means all of it.
     pub fn advance_to(&mut self, path: &CompensatedPath, element: usize) {
         while self.walk.next_element() < element {
-            let Some(step) = self.walk.next(path) else { return };
-            self.take(step);
+            if !self.step(path) {
+                return;
+            }
         }
         if element >= path.elements.len() {
-            while let Some(step) = self.walk.next(path) {
-                self.take(step);
-            }
+            while self.step(path) {}
         }
     }
 
-    fn take(&mut self, step: Step) {
-        // Of what comes before the first element, only the words that stay in force count.
-        let is_run = self.walk.next_element() > self.first_element
-            || (self.first_element == 0 && self.walk.next_element() == 0);
+    /// Judges what comes next; false at the end of the path.
+    fn step(&mut self, path: &CompensatedPath) -> bool {
+        let Beginning { element: first_element, event: first_event, .. } = self.beginning;
+        let (element, event) = (self.walk.next_element(), self.walk.next_event());
+        if (element, event) == (first_element, first_event) {
+            self.approach(path);
+        }
+        let Some(step) = self.walk.next(path) else { return false };
+        let is_run = match self.walk.next_element() > element {
+            true => element >= first_element,
+            false => event >= first_event,
+        };
         match step {
             Step::Move(it) if is_run => {
-                self.travel.see(&it);
-                self.keep_out.see(&it);
+                self.see(&it);
                 self.functions.see_move(&it);
             }
             Step::Move(_) => {}
-            Step::Further(it) if self.walk.next_element() >= self.first_element => {
+            Step::Further(it) if element >= first_element => {
+                self.has_moved = true;
                 self.travel.see_further(&it);
                 self.functions.see_further(&it);
             }
             Step::Further(_) => {}
-            Step::Function(action, source) => self.functions.see(action, source, is_run),
+            Step::Function(action, source) => {
+                if is_run && action.homes_all() {
+                    self.begin_homed();
+                }
+                self.functions.see(action, source, is_run);
+            }
         }
+        true
+    }
+
+    fn see(&mut self, it: &MachineMove) {
+        self.has_moved = true;
+        self.travel.see(it);
+        self.keep_out.see(it);
+    }
+
+    /// Judges the way to where the run begins.
+    fn approach(&mut self, path: &CompensatedPath) {
+        let Some(Approach { height_mm, axes }) = self.beginning.approach.take() else { return };
+        let Some(first) = path.elements.get(self.beginning.element) else { return };
+        let way = self.walk.from_above(self.start, height_mm, axes, first.source);
+        way.iter().filter(|it| !it.axes.is_empty()).for_each(|it| self.see(it));
+    }
+
+    /// All axes are homed: what was is in another frame.
+    fn begin_homed(&mut self) {
+        let Some(homed) = self.after_homing.take() else { return };
+        if std::mem::take(&mut self.has_moved) {
+            self.travel.report(&mut self.before_homing);
+            self.keep_out.report(&mut self.before_homing);
+        }
+        (self.travel, self.keep_out) = *homed;
     }
 
     /// What was found in all that was judged.
     pub fn report(&self) -> EnvelopeReport {
-        let mut report = EnvelopeReport::default();
+        let mut report = self.before_homing.clone();
         self.travel.report(&mut report);
         self.keep_out.report(&mut report);
         self.functions.report(&mut report);
         self.calls.explain(&mut report.findings);
+        // The same of before and after the homing.
+        let mut said = BTreeSet::new();
+        report.not_judged.retain(|it| said.insert(it.clone()));
         report.findings.sort_by_key(|finding| (!finding.is_error(), finding.source.line));
         report
     }

@@ -170,6 +170,51 @@ impl MachinePath {
         self.next_element
     }
 
+    /// The event that comes next.
+    pub(crate) fn next_event(&self) -> usize {
+        self.next_event
+    }
+
+    /// The way of the tool from `here` to the place that the path has come to: up to a height in the
+    /// machine frame, over the place in these axes, and down to it.
+    pub(crate) fn from_above(
+        &self,
+        here: Known,
+        height_mm: f64,
+        axes: AxisSet,
+        source: Source,
+    ) -> [MachineMove; 3] {
+        let Self { at, tool, tool_length_mm, .. } = *self;
+        let [x, y, z] = std::array::from_fn(|axis| match axes.contains(axis) {
+            true => at[axis],
+            false if axis == 2 => Some(height_mm),
+            false => here[axis],
+        });
+        let up = [here[0], here[1], Some(height_mm)];
+        let over = [x, y, Some(height_mm)];
+        let z_alone = AxisSet::NONE.with(2);
+        let moved = |from, to, axes| {
+            let (frame, feed_mm_per_min) = (MoveFrame::Machine("the way to the beginning"), None);
+            let arc = None;
+            MachineMove {
+                from,
+                to,
+                arc,
+                feed_mm_per_min,
+                source,
+                frame,
+                axes,
+                tool_length_mm,
+                tool,
+            }
+        };
+        [
+            moved(here, up, z_alone),
+            moved(up, over, axes.without(z_alone)),
+            moved(over, [x, y, z], z_alone),
+        ]
+    }
+
     /// What is added to a coordinate of the work system in force.
     fn offset(&self) -> Known {
         let system = self.systems[usize::from(self.system.clamp(1, 9)) - 1];

@@ -8,6 +8,7 @@ use crate::plan_json::{Elements, PlanReport};
 use crate::plan_machine::{Machine, MachineArgs, OnMachine};
 use crate::terminal::show_findings;
 use crate::{files, json, picture};
+use axis_driver::envelope::Beginning;
 use clap::Args;
 use cnc_msgs::calls::chain_after;
 use cnc_msgs::contour::CutterSide;
@@ -217,8 +218,13 @@ impl Planned {
         if !self.accepted() {
             return;
         }
-        let first = start.map_or(0, |start| start.entry.element);
-        let (report, on_machine) = machine.judge(self.path(), tools, first);
+        let beginning = start.map(|start| start.entry).map(|entry| Beginning {
+            element: entry.element,
+            event: entry.event,
+            approach: None,
+        });
+        let beginning = beginning.unwrap_or_default();
+        let (report, on_machine) = machine.judge(self.path(), tools, beginning);
         self.findings.extend(report.findings);
         self.on_machine = Some(on_machine);
     }

@@ -3,7 +3,7 @@
 use crate::exit::Failure;
 use axis_driver::cycle_time::CycleTime;
 use axis_driver::driver::ControllerSettings;
-use axis_driver::envelope::{Envelope, EnvelopeReport, Workplace};
+use axis_driver::envelope::{Beginning, Envelope, EnvelopeReport, Workplace};
 use axis_driver::machine_limits::{MachineLimits, settings_of_file};
 use clap::Args;
 use cnc_msgs::keep_out::KeepOut;
@@ -67,12 +67,12 @@ impl MachineArgs {
 }
 
 impl Machine {
-    /// Judges a path from one element on, and times it.
+    /// Judges a path from where it begins, and times it.
     pub(crate) fn judge(
         &self,
         path: &CompensatedPath,
         tools: &ToolTable,
-        first_element: usize,
+        beginning: Beginning,
     ) -> (EnvelopeReport, OnMachine) {
         let diameters = tools.tools.iter();
         let diameters =
@@ -82,10 +82,10 @@ impl Machine {
             tool_diameters_mm: &diameters.collect(),
             start_in_machine: None,
         };
-        let mut envelope = Envelope::new(&self.limits, path, first_element, workplace);
+        let mut envelope = Envelope::new(&self.limits, path, beginning, workplace);
         envelope.advance_to(path, path.elements.len());
         let report = envelope.report();
-        let mut time = CycleTime::new(&self.limits, path, first_element, None);
+        let mut time = CycleTime::new(&self.limits, path, beginning.element, None);
         let on_machine = OnMachine {
             file: self.file.clone(),
             firmware: self.limits.firmware.traits().name,

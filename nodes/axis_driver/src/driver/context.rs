@@ -20,12 +20,14 @@ pub(super) mod ros_loss;
 
 use super::answer::Refusal;
 use super::output::{ControllerSettings, LogLevel, Output};
-use crate::link::Link;
+use crate::link::{LineKind, Link};
 use cnc_msgs::contour::Source;
+use cnc_msgs::machine::Mode;
 use config::DriverConfig;
 use hold::HoldWatch;
 use machine::Machine;
 use overrides::OverrideWatch;
+use queries::OFFSETS_QUERY;
 use ros_loss::RosLoss;
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -40,8 +42,10 @@ pub(super) enum Origin {
     Home,
     /// Switches the controller's check mode on.
     CheckMode,
-    /// Asks for the offsets before a run.
+    /// Asks for the offsets before a run, and in one.
     Offsets,
+    /// Asks for the offsets, whatever the driver is doing.
+    OffsetsAnew,
     Preamble,
     /// From the program, with its text for messages.
     Program {
@@ -111,6 +115,35 @@ impl Context {
     }
 
     /// Gives what the controller reported about itself.
+    /// Asks for the stored offsets: those that the driver has may be old.
+    pub(super) fn ask_offsets(&mut self) {
+        self.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::OffsetsAnew);
+    }
+
+    /// Whether the controller reads such a question, and answers it soon.
+    pub(super) fn can_ask_offsets(&self) -> bool {
+        self.machine.mode() == Mode::Idle && self.link.unanswered() == 0
+    }
+
+    /// Takes that it has answered.
+    pub(super) fn on_offsets_anew(&mut self, error: Option<u16>) {
+        self.machine.offset_answers += 1;
+        if error.is_none() {
+            self.publish_settings();
+        }
+    }
+
+    /// Asks for the stored offsets when a report of a machine at rest has a work offset that none of
+    /// them explains: a pendant or another sender has set one.
+    pub(super) fn ask_about_new_offset(&mut self) {
+        let Some(offset) = self.machine.work_offset else { return };
+        let is_new = self.machine.asked_about != Some(offset) && !self.machine.is_stored(offset);
+        if is_new && self.can_ask_offsets() {
+            self.machine.asked_about = Some(offset);
+            self.ask_offsets();
+        }
+    }
+
     pub(super) fn publish_settings(&mut self) {
         let machine = &self.machine;
         let settings = ControllerSettings {

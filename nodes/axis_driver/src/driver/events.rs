@@ -64,6 +64,9 @@ impl Driver {
 
     fn on_answer(&mut self, origin: Origin, error: Option<u16>) {
         let context = &mut self.context;
+        if matches!(origin, Origin::OffsetsAnew) {
+            return context.on_offsets_anew(error);
+        }
         match (&mut self.phase, origin) {
             (Phase::Connecting(connecting), Origin::Query(query)) => {
                 connecting.on_answer(context, query, error);
@@ -206,7 +209,8 @@ impl Driver {
                     self.end_manual(end);
                 }
             }
-            Phase::Closed { .. } | Phase::Adrift { .. } | Phase::Ready => {}
+            Phase::Ready => context.ask_about_new_offset(),
+            Phase::Closed { .. } | Phase::Adrift { .. } => {}
         }
     }
 

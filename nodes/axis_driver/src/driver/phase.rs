@@ -78,7 +78,7 @@ impl Phase {
     /// Whether a path is being encoded for its errors, which goes on at once.
     pub(super) fn is_encoding(&self) -> bool {
         match self {
-            Self::Running(run) => run.is_proving() || run.is_judging() || run.rest.is_some(),
+            Self::Running(run) => run.is_encoding() || run.is_judging() || run.rest.is_some(),
             _ => false,
         }
     }

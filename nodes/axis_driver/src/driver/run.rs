@@ -25,6 +25,7 @@ use super::context::Context;
 use super::context::machine::Machine;
 use crate::cycle_time::CycleTime;
 use crate::encoder::{EncodedLine, Encoder, EncoderStep};
+use crate::envelope::Beginning;
 use crate::machine_limits::StoredOffsets;
 use crate::tracker::Tracker;
 use block::BlockOfLine;
@@ -74,6 +75,8 @@ pub(super) struct ProgramRun {
     progress: Option<(u32, f64, f64)>,
     /// The stored positions that the path was judged by.
     judged_by: Option<StoredOffsets>,
+    /// Where it was judged from.
+    beginning: Beginning,
     /// It is judged by others, before the first words are sent.
     judged_again: Option<Box<WorkplaceCheck>>,
     watch: RunWatch,
@@ -193,7 +196,6 @@ impl ProgramRun {
         time: CycleTime,
         machine: &Machine,
     ) -> Self {
-        let judged_by = proof.workplace.as_ref().map(|it| it.offsets);
         let tracker = Tracker::new(first_element, machine.planner_blocks());
         let job = Job {
             id,
@@ -220,7 +222,8 @@ impl ProgramRun {
             rest: None,
             time: TimeLeft::new(time),
             progress: None,
-            judged_by,
+            judged_by: None,
+            beginning: Beginning::default(),
             judged_again: None,
             watch: RunWatch::default(),
             probed: Vec::new(),
@@ -248,6 +251,11 @@ impl ProgramRun {
 
     pub(super) fn is_proving(&self) -> bool {
         matches!(self.stage, Stage::Proving(_))
+    }
+
+    /// Whether slices of the path wait to be encoded.
+    pub(super) fn is_encoding(&self) -> bool {
+        matches!(&self.stage, Stage::Proving(proof) if proof.waits_until().is_none())
     }
 
     /// Whether anything of it was sent.
@@ -308,6 +316,7 @@ impl ProgramRun {
 
     pub(super) fn deadline(&self) -> Option<Duration> {
         match &self.stage {
+            Stage::Proving(proof) => proof.waits_until(),
             Stage::AwaitingRecorder { until }
             | Stage::Preparing { until }
             | Stage::Positioning { until }

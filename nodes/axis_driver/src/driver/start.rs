@@ -17,6 +17,7 @@ use super::{Driver, Phase};
 use crate::codes::error_code;
 use crate::cycle_time::CycleTime;
 use crate::encoder::{StartProblem, start_at};
+use crate::envelope::{Approach, Beginning};
 use cnc_msgs::machine::Mode;
 
 impl Driver {
@@ -67,9 +68,19 @@ impl Driver {
             Err(problem) => return refused(error_code::START_LINE, problem.to_string()),
         };
         // A block during a tool change moves in a frame that the program has set.
+        let is_in_span = first_element > 0 && request.path.begins_in_span(first_element);
+        let descent = Descent::of(config.approach_z_mm.is_some(), is_in_span, request.in_span);
+        let height_mm = config.approach_z_mm.filter(|_| first_element > 0);
+        let height_mm = height_mm.filter(|_| descent == Descent::FromAbove);
+        let axes = encoder.known_axes();
+        let approach = height_mm.map(|height_mm| Approach { height_mm, axes });
+        let (element, event) = (first_element, encoder.events_begun());
         let workplace = match is_in_change {
             true => None,
-            false => WorkplaceCheck::begin(&mut self.context, &request, first_element, None),
+            false => {
+                let beginning = Beginning { element, event, approach };
+                WorkplaceCheck::begin(&mut self.context, &request, beginning, None)
+            }
         };
         let machine = &self.context.machine;
         let start = machine.machine_position().filter(|_| !is_in_change);
@@ -77,15 +88,11 @@ impl Driver {
         let time = CycleTime::new(&limits, &request.path, first_element, start);
         let proof = Proof::new(encoder.clone(), time.clone(), workplace);
         if is_only_encoded {
-            let (path, in_span) = (&request.path, request.in_span);
-            let is_in_span = first_element > 0 && path.begins_in_span(first_element);
-            let is_lifted = config.approach_z_mm.is_some();
-            let descent = Descent::of(is_lifted, is_in_span, in_span);
             let beginning = match first_element {
                 0 => String::new(),
                 _ => beginning_of(encoder, descent),
             };
-            self.check = Some(Check { id, path: request.path, proof, beginning });
+            self.check = Some(Check { id, request, proof, beginning });
             return None;
         }
         let mut run = ProgramRun::new(id, request, encoder, first_element, proof, time, machine);

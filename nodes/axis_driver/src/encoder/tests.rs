@@ -408,6 +408,14 @@ fn a_thread_keeps_pace_with_a_spindle_that_allows_it() {
     across.elements[1].end = [10.0, 0.0, -6.0];
     let mut unknown = across.clone();
     unknown.elements[1].end = [0.0, 1.0, -6.0];
+    // Where X is in G55 nobody knows: it may go all of the way.
+    let mut other_frame = threaded(1.0, Some(880.0), 1, 2);
+    other_frame.elements[1].axes = AxisSet::NONE.with(0).with(2);
+    let action = Action::WorkOffset { system: 2 };
+    other_frame.events.insert(0, PathEvent { at_element: 1, action, source: source(1) });
+    let mut z_alone = other_frame.clone();
+    z_alone.elements[1].axes = AxisSet::NONE.with(2);
+    assert!(lines(z_alone, config).is_ok());
     for (path, config, words) in [
         (threaded(1.5, Some(900.0), 1, 2), EncoderConfig::default(), "G33 K1.5 needs a spindle"),
         (threaded(1.5, Some(901.0), 1, 2), config, "line 2: G33 K1.5 feeds 901 mm/min"),
@@ -417,6 +425,11 @@ fn a_thread_keeps_pace_with_a_spindle_that_allows_it() {
             "G33 K1 feeds 876 mm/min at this spindle speed, and this controller takes at most 500 mm/min there (90 % of $110)",
         ),
         (unknown, config, "the controller has not reported $111"),
+        (
+            other_frame,
+            config,
+            "feeds 880 mm/min at this spindle speed, and this controller takes at most 500",
+        ),
         (threaded(1.5, Some(36.0), 1, 2), config, "program an S above 24"),
         (threaded(1.5, None, 1, 2), config, "G33 K1.5 moves with a motion of its block"),
         (threaded(1.5, Some(9.0), 1, 1), config, "G33 K1.5 moves with a motion of its block"),

@@ -5,7 +5,6 @@ use crate::firmware::{THREAD_WAIT_S_MAX, thread_wait_s};
 use crate::link::LineKind;
 use crate::vectors::{minus, norm};
 use cnc_msgs::contour::{Action, Source};
-use cnc_msgs::geometry::Position;
 use cnc_msgs::path::{PathElement, Role};
 
 /// Decimals of a pitch, mm: the error of each turn adds up along a thread.
@@ -32,7 +31,14 @@ impl Encoder {
         let way = minus(element.end, start);
         let rates =
             self.config.board.thread_mm_per_min_max.ok_or_else(|| no_spindle_sync(pitch_mm))?;
-        let wait_s = check_pace(pitch_mm, way, feed, rates)?;
+        // In a frame that was selected before it, where the thread begins is not known: then an axis
+        // may go all of the way.
+        let way = std::array::from_fn(|axis| match self.modal.unknown.contains(axis) {
+            true => (!element.axes.contains(axis)).then_some(0.0),
+            false => Some(way[axis]),
+        });
+        let shares = shares(way).map(|share| share.unwrap_or(1.0));
+        let wait_s = check_pace(pitch_mm, shares, feed, rates)?;
         self.next_element += 1;
         self.check_ends(start, element.end)?;
         let (axes, words) = axis_words(element.axes, start, element.end);
@@ -74,23 +80,36 @@ pub(crate) fn no_spindle_sync(pitch_mm: f64) -> EncodeProblem {
     EncodeProblem::NoSpindleSync { word: Action::SpindleSync { pitch_mm }.text() }
 }
 
-/// Whether the axes can keep pace along a way, mm; how long they wait for the spindle at the most, s.
+/// The share that each axis has in a way, from 0 to 1; `None` where that is not known.
+pub(crate) fn shares(way: [Option<f64>; 3]) -> [Option<f64>; 3] {
+    let stands = |mm: &Option<f64>| *mm == Some(0.0);
+    if let [Some(x), Some(y), Some(z)] = way {
+        let whole = norm([x, y, z]).max(f64::MIN_POSITIVE);
+        return [x, y, z].map(|mm| Some(mm.abs() / whole));
+    }
+    let moves_alone = way.iter().filter(|mm| !stands(mm)).count() == 1;
+    way.map(|mm| match stands(&mm) {
+        true => Some(0.0),
+        false => moves_alone.then_some(1.0),
+    })
+}
+
+/// Whether the axes can keep pace; how long they wait for the spindle at the most, s.
 ///
-/// `rates`: the fastest that X, Y and Z move at its pace, mm/min, as far as it is known.
+/// `shares`: what each axis has of the way. `rates`: the fastest that X, Y and Z move at its pace, mm/min, as far as it is known.
 ///
 /// # Errors
 /// An axis is too slow: grblHAL refuses the line then, or falls behind. Or the spindle is.
 pub(crate) fn check_pace(
     pitch_mm: f64,
-    way: Position,
+    shares: [f64; 3],
     feed: f64,
     rates: [Option<f64>; 3],
 ) -> Result<f64, EncodeProblem> {
     let word = Action::SpindleSync { pitch_mm }.text();
     for (axis, max) in rates.into_iter().enumerate() {
         // That of Z counts along whatever axes.
-        let share =
-            if axis == 2 { 1.0 } else { way[axis].abs() / norm(way).max(f64::MIN_POSITIVE) };
+        let share = if axis == 2 { 1.0 } else { shares[axis] };
         if share == 0.0 {
             continue;
         }

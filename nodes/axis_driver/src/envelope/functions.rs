@@ -4,7 +4,7 @@
 //! that the axes cannot cut at the pace of the spindle is an error, as it is for the encoder.
 
 use super::{EnvelopeReport, Workplace, place};
-use crate::encoder::{EncodeProblem, check_pace, no_spindle_sync};
+use crate::encoder::{EncodeProblem, check_pace, no_spindle_sync, shares};
 use crate::firmware::THREAD_SHARE;
 use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, MachineMove};
@@ -42,6 +42,8 @@ pub(super) struct FunctionCheck {
     pitch: Option<(Source, f64)>,
     first_thread: Option<Source>,
     thread: Option<(Source, EncodeProblem)>,
+    /// The first whose direction is not known.
+    thread_without_way: Option<Source>,
 }
 
 /// A feed that the axes cannot follow.
@@ -96,6 +98,7 @@ impl FunctionCheck {
             pitch: None,
             first_thread: None,
             thread: None,
+            thread_without_way: None,
         }
     }
 
@@ -158,12 +161,18 @@ impl FunctionCheck {
         if self.thread.is_some() {
             return;
         }
-        // Where the direction is not known, Z counts alone: it does along whatever axes.
-        let way = whole(it.from).zip(whole(it.to)).map_or([0.0; 3], |(from, to)| minus(to, from));
+        let shares = shares(std::array::from_fn(|axis| match it.axes.contains(axis) {
+            true => Some(it.to[axis]? - it.from[axis]?),
+            false => Some(0.0),
+        }));
+        if shares.contains(&None) {
+            self.thread_without_way.get_or_insert(it.source);
+        }
+        let shares = shares.map(|share| share.unwrap_or(0.0));
         let rates = self.limits.rate_mm_per_min.map(|rate| Some(rate * THREAD_SHARE));
         let problem = match self.limits.spindle_sync {
             Some(false) => Some(no_spindle_sync(pitch_mm)),
-            Some(true) | None => check_pace(pitch_mm, way, feed, rates).err(),
+            Some(true) | None => check_pace(pitch_mm, shares, feed, rates).err(),
         };
         self.thread = problem.map(|problem| (it.source, problem));
     }
@@ -227,8 +236,14 @@ impl FunctionCheck {
             |source, message: String| Finding::warning(Code::MachineSetting, source, message);
         let [min, max] = self.limits.spindle_rpm.unwrap_or_default();
         if let Some((source, problem)) = &self.thread {
-            let text = problem.to_string();
+            let text = format!("{problem}; later threads are not looked at");
             report.findings.push(Finding::error(Code::MachineSetting, *source, text));
+        }
+        if let Some(source) = self.thread_without_way {
+            report.not_judged.push(format!(
+                "whether X and Y keep pace with the thread of {}: where it begins or ends in the machine is not known",
+                place(source)
+            ));
         }
         if let Some(source) = self.first_thread.filter(|_| self.limits.spindle_sync.is_none()) {
             report.not_judged.push(format!(

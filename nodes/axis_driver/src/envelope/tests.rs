@@ -65,7 +65,7 @@ fn machine(changes: &[(u16, f64)]) -> MachineLimits {
 fn judge(limits: &MachineLimits, program: &Program, keep_out: &KeepOut) -> EnvelopeReport {
     let tools = [(1, 6.0), (2, 0.2)].into();
     let workplace = Workplace { keep_out, tool_diameters_mm: &tools, start_in_machine: None };
-    let mut envelope = Envelope::new(limits, &program.0, 0, workplace);
+    let mut envelope = Envelope::new(limits, &program.0, Beginning::default(), workplace);
     // In slices, as the driver does it.
     (0..=program.0.elements.len()).for_each(|end| envelope.advance_to(&program.0, end));
     envelope.report()
@@ -194,10 +194,53 @@ fn a_run_from_the_middle_is_judged_from_there() {
     let workplace =
         Workplace { keep_out: &none, tool_diameters_mm: &tools, start_in_machine: None };
     for (first, count) in [(0, 1), (2, 1), (3, 0)] {
-        let mut envelope = Envelope::new(&machine(&[]), &program.0, first, workplace);
+        let beginning = Beginning::with_element(&program.0, first);
+        let mut envelope = Envelope::new(&machine(&[]), &program.0, beginning, workplace);
         envelope.advance_to(&program.0, program.0.elements.len());
         assert_eq!(envelope.report().findings.len(), count, "from {first}");
     }
+}
+
+#[test]
+fn the_way_to_a_beginning_in_the_middle_is_judged() {
+    // Elements 0 to 3; G53 stands before the last, in line 5.
+    let action = Action::MachineMove {
+        target: [0.0, 0.0, 40.0],
+        axes: AxisSet::NONE.with(2),
+        rapid: true,
+        feed_mm_per_min: 0.0,
+    };
+    let program = begun().cut([100.0, 0.0, 10.0]).cut([100.0, 0.0, 5.0]).act(action);
+    let program = program.rapid("Z", [100.0, 0.0, 10.0]);
+    // Machine frame: X-430 to -410, and up to Z-20, between where the tool stands and X-400.
+    let between = clamp(Frame::Machine, [-430.0, -310.0, -100.0], [-410.0, -290.0, -20.0]);
+    let below = clamp(Frame::Machine, [-405.0, -310.0, -100.0], [-395.0, -290.0, -50.0]);
+    let tools = BTreeMap::new();
+    let judged = |keep_out: &KeepOut, event, approach| {
+        let start_in_machine = Some([-450.0, -300.0, -60.0]);
+        let workplace = Workplace { keep_out, tool_diameters_mm: &tools, start_in_machine };
+        let beginning = Beginning { element: 4, event, approach };
+        let mut envelope = Envelope::new(&machine(&[]), &program.0, beginning, workplace);
+        envelope.advance_to(&program.0, program.0.elements.len());
+        envelope.report()
+    };
+    let none = KeepOut::default();
+    let axes = AxisSet::ALL;
+    let from = |height_mm| Some(Approach { height_mm, axes });
+    // The event before the beginning is run, or left out.
+    check(&judged(&none, 0, None), &[(Code::Travel, 5, "Z40.000 in the machine frame (G53)")]);
+    check(&judged(&none, 1, None), &[]);
+    check(&judged(&none, 1, from(-5.0)), &[]);
+    check(
+        &judged(&none, 1, from(5.0)),
+        &[(Code::Travel, 6, "Z5.000 in the machine frame (the way to the beginning)")],
+    );
+    check(&judged(&between, 1, from(-5.0)), &[]);
+    check(&judged(&between, 1, from(-25.0)), &[(Code::KeepOut, 6, "left clamp")]);
+    check(&judged(&below, 1, from(-5.0)), &[(Code::KeepOut, 6, "left clamp")]);
+    // Z stays at the height where the path does not say it.
+    let over = Some(Approach { height_mm: -5.0, axes: axes.without(AxisSet::NONE.with(2)) });
+    check(&judged(&below, 1, over), &[]);
 }
 
 fn clamp(frame: Frame, min_mm: Position, max_mm: Position) -> KeepOut {
@@ -388,6 +431,23 @@ fn a_thread_needs_an_encoder_and_axes_that_keep_pace() {
         let asks = report.not_judged.iter().filter(|it| it.contains("encoder, which line 4 needs"));
         assert_eq!(asks.count(), usize::from(machine.spindle_sync.is_none()), "{report:?}");
     }
+    // A lathe never names Y. Without offsets only Z is judged, and that is said.
+    let mut lathe =
+        Program::default().rapid("XZ", [20.0, 0.0, 5.0]).act(Action::SpindleSync { pitch_mm: 2.0 });
+    let source = lathe.0.events.last().expect("the thread").source;
+    lathe = lathe.go("X", [40.0, 0.0, 5.0], Some(2000.0), Shape::Line);
+    lathe.0.elements.last_mut().expect("its motion").source = source;
+    let slow = of(Firmware::GrblHal, Some(true), &[(110, 1000.0), (112, 3000.0)]);
+    let report = judge(&slow, &lathe, &KeepOut::default());
+    check(&report, &[(setting, 2, "at most 900 mm/min there (90 % of $110)")]);
+    let nowhere = MachineLimits { offsets: StoredOffsets::default(), ..slow };
+    let cone = threading([10.0, 10.0, 10.0], [40.0, 10.0, 0.0], 2000.0, 2.0);
+    let report = judge(&nowhere, &cone, &KeepOut::default());
+    check(&report, &[]);
+    assert!(
+        report.not_judged.iter().any(|it| it.contains("keep pace with the thread of line 4")),
+        "{report:?}"
+    );
     // A file cannot give it to a firmware that knows no G33.
     for (firmware, wanted) in [
         (Firmware::Grbl, Some(false)),

@@ -156,7 +156,7 @@ pub(crate) fn declared() -> Vec<Declared> {
         .one_of(&OnPathDeviation::WORDS.map(|(word, _)| word)),
         Declared::new(
             "check_travel",
-            "warn",
+            "refuse",
             "what to do when a program leaves the travel of the machine ($130 to $132) or is longer \
              than it: refuse, warn or off",
         )

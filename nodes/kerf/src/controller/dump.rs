@@ -58,7 +58,8 @@ fn text(of: &ControllerSettings) -> String {
         text += &format!("axes: {}\n", quoted(&of.axes));
     }
     if of.firmware == Firmware::GrblHal.traits().name {
-        text += "# not published; true where [NEWOPT:] of $I has SS: spindle_sync: true\n";
+        text += "# whether the spindle has an encoder is not published: true if [NEWOPT:] of $I has SS\n\
+                 # spindle_sync: true\n";
     }
     text += "settings:\n";
     for row in &of.settings {

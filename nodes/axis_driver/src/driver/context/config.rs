@@ -116,7 +116,7 @@ impl Default for DriverConfig {
             on_ros_loss: OnRosLoss::default(),
             ros_loss_timeout_ms: ros_loss_timeout_ms(),
             on_path_deviation: OnPathDeviation::Hold,
-            check_travel: CheckTravel::Warn,
+            check_travel: CheckTravel::Refuse,
             keep_out: KeepOut::default(),
         }
     }

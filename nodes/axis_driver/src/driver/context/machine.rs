@@ -65,6 +65,12 @@ pub(in crate::driver) struct Machine {
     /// A work offset that no command explains, until it comes twice.
     #[serde(default)]
     pub(in crate::driver) doubted_offset: Option<Position>,
+    /// The work offset that the stored ones were asked about last.
+    #[serde(skip)]
+    pub(in crate::driver) asked_about: Option<Position>,
+    /// How often they were, besides when it connects and in runs, and the answer has come.
+    #[serde(skip)]
+    pub(in crate::driver) offset_answers: u32,
     /// The words in force, as they were reported last.
     #[serde(default)]
     pub(in crate::driver) words: Option<ModalWords>,

@@ -62,7 +62,7 @@ impl Machine {
     }
 
     /// Whether the stored offsets of some work system add up to this.
-    fn is_stored(&self, offset: Position) -> bool {
+    pub(in crate::driver) fn is_stored(&self, offset: Position) -> bool {
         const ROUNDING_MM: f64 = 0.002;
         let stored = |name: &str| self.offsets.iter().find(|stored| stored.name == name);
         let shifts = ["G92", "TLO"].map(|name| stored(name).map_or([0.0; 3], |it| it.position));

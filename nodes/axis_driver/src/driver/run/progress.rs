@@ -1,7 +1,7 @@
 //! How a run goes on: with time, with answers, with reports, to its end.
 
 use super::exit::{Exit, RunVerdict};
-use super::proof::Proven;
+use super::proof::{Judged, Proven};
 use super::tool_change::ToolChange;
 use super::watch::EndOfLines;
 use super::{ProgramRun, Stage, Then};
@@ -44,13 +44,17 @@ impl ProgramRun {
                     let (code, text) = (error_code::NOT_ENCODABLE, problem.to_string());
                     Some(Exit::over(RunVerdict::aborted(code, text)))
                 }
-                Proven::Whole { lines, seconds } => {
-                    let refusal = proof.workplace.as_ref().and_then(|it| it.refusal(context));
-                    match refusal {
-                        Some(refusal) => Some(Exit::over(refusal.into())),
-                        None => self.begin(context, lines, seconds),
+                Proven::Whole { lines, seconds } => match proof.judge(context, &self.job.request) {
+                    Judged::NotYet => None,
+                    Judged::Refused(refusal) => Some(Exit::over(refusal.into())),
+                    Judged::Fits => {
+                        if let Some(workplace) = &proof.workplace {
+                            self.judged_by = Some(workplace.offsets);
+                            self.beginning = workplace.beginning;
+                        }
+                        self.begin(context, lines, seconds)
                     }
-                }
+                },
             },
             Stage::AwaitingRecorder { until } if now >= *until => {
                 let text = format!("no recorder opened a bag within {} s", RECORDER.as_secs());

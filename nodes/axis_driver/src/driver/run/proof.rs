@@ -1,19 +1,21 @@
 //! Encoding a whole path before a byte of it is sent.
 //!
 //! What cannot be encoded moves nothing. It is done in slices, so that a status report
-//! or a hold never waits for a long program.
+//! or a hold never waits for a long program. What is refused for its place in the machine is looked
+//! at twice: the stored positions that the driver has may be old.
 
+use super::request::RunRequest;
 use super::time_left::BLOCKS_PER_SLICE;
 use super::workplace::WorkplaceCheck;
 use crate::codes::error_code;
 use crate::cycle_time::CycleTime;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
-use crate::driver::context::config::LINES_PER_SLICE;
+use crate::driver::context::config::{ANSWER, LINES_PER_SLICE};
 use crate::driver::output::{Output, RunOutcome, RunResult};
 use crate::encoder::{EncodeError, EncodedLine, Encoder, EncoderStep};
 use cnc_msgs::path::{CompensatedPath, StartInSpan};
-use std::sync::Arc;
+use std::time::Duration;
 
 /// A path that is being encoded for nothing but its errors.
 #[derive(Debug)]
@@ -23,7 +25,26 @@ pub(in crate::driver) struct Proof {
     time: CycleTime,
     /// Where the machine and what is on it is compared.
     pub(in crate::driver) workplace: Option<WorkplaceCheck>,
+    look: Look,
     lines: usize,
+}
+
+/// By which stored positions the path is judged.
+#[derive(Debug, Clone, Copy)]
+enum Look {
+    /// By those that the driver had.
+    First,
+    /// It would be refused: the controller is asked for them.
+    Asking { answers: u32, until: Duration },
+    /// By those that the controller has reported since.
+    Second,
+}
+
+/// Whether a path stays within the machine.
+pub(in crate::driver) enum Judged {
+    NotYet,
+    Fits,
+    Refused(Refusal),
 }
 
 /// How far a proof is.
@@ -44,7 +65,48 @@ impl Proof {
         time: CycleTime,
         workplace: Option<WorkplaceCheck>,
     ) -> Self {
-        Self { encoder, is_encoded: false, time, workplace, lines: 0 }
+        Self { encoder, is_encoded: false, time, workplace, look: Look::First, lines: 0 }
+    }
+
+    /// While it waits for an answer of the controller, until when it does.
+    pub(in crate::driver) fn waits_until(&self) -> Option<Duration> {
+        match self.look {
+            Look::Asking { until, .. } => Some(until),
+            Look::First | Look::Second => None,
+        }
+    }
+
+    /// All of it is encoded: whether it stays within the machine.
+    pub(in crate::driver) fn judge(
+        &mut self,
+        context: &mut Context,
+        request: &RunRequest,
+    ) -> Judged {
+        let Some(workplace) = &mut self.workplace else { return Judged::Fits };
+        match self.look {
+            Look::First if workplace.refuses() && context.can_ask_offsets() => {
+                let answers = context.machine.offset_answers;
+                self.look = Look::Asking { answers, until: context.now + ANSWER };
+                context.ask_offsets();
+                return Judged::NotYet;
+            }
+            Look::First => {}
+            Look::Asking { answers, until } => {
+                if context.machine.offset_answers == answers && context.now < until {
+                    return Judged::NotYet;
+                }
+                self.look = Look::Second;
+                let now = context.machine.limits().map(|limits| limits.offsets);
+                if now.is_ok_and(|now| !now.is_near(&workplace.offsets)) {
+                    let beginning = workplace.beginning;
+                    self.workplace = WorkplaceCheck::begin(context, request, beginning, None);
+                    return Judged::NotYet;
+                }
+            }
+            Look::Second if !workplace.step(&request.path) => return Judged::NotYet,
+            Look::Second => {}
+        }
+        workplace.refusal(context).map_or(Judged::Fits, Judged::Refused)
     }
 
     pub(in crate::driver) fn step(&mut self, path: &CompensatedPath) -> Proven {
@@ -163,7 +225,7 @@ pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) ->
 #[derive(Debug)]
 pub(in crate::driver) struct Check {
     pub(in crate::driver) id: u64,
-    pub(in crate::driver) path: Arc<CompensatedPath>,
+    pub(in crate::driver) request: RunRequest,
     pub(in crate::driver) proof: Proof,
     /// What a run from the middle would send before its first element, for people; else empty.
     pub(in crate::driver) beginning: String,
@@ -173,17 +235,20 @@ impl Check {
     /// Encodes a slice. True when the check is over and answered.
     pub(in crate::driver) fn step(&mut self, context: &mut Context) -> bool {
         let id = self.id;
-        match self.proof.step(&self.path) {
+        match self.proof.step(&self.request.path) {
             Proven::NotYet => return false,
             Proven::Not(problem) => {
                 let refusal = Refusal::new(error_code::NOT_ENCODABLE, problem.to_string());
                 context.reply(id, Err(refusal));
             }
             Proven::Whole { lines, seconds } => {
-                let workplace = self.proof.workplace.as_ref();
-                if let Some(refusal) = workplace.and_then(|it| it.refusal(context)) {
-                    context.reply(id, Err(refusal));
-                    return true;
+                match self.proof.judge(context, &self.request) {
+                    Judged::NotYet => return false,
+                    Judged::Fits => {}
+                    Judged::Refused(refusal) => {
+                        context.reply(id, Err(refusal));
+                        return true;
+                    }
                 }
                 let message = format!(
                     "{lines} lines, about {seconds:.0} s; nothing was sent{}",
@@ -214,6 +279,7 @@ mod tests {
     use cnc_msgs::contour::{Action, Source};
     use cnc_msgs::geometry::{AxisSet, Shape};
     use cnc_msgs::path::{PathElement, PathEvent, Role};
+    use std::sync::Arc;
 
     #[test]
     fn the_tool_comes_down_only_where_that_cuts_nothing() {

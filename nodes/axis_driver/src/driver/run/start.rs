@@ -58,7 +58,7 @@ impl RunRequest {
     /// the machine frame before it homes.
     pub(in crate::driver) fn frame_obstacle(&self, machine: &Machine) -> Option<Refusal> {
         let first = self.path.events.iter().find_map(|event| match event.action {
-            Action::Home { axes } if axes == AxisSet::ALL => Some(None),
+            action if action.homes_all() => Some(None),
             Action::MachineMove { .. } => Some(Some(("G53", event.source.line))),
             Action::SetWorkOffset { by_position: false, .. } => {
                 Some(Some(("G10 L2", event.source.line)))
@@ -115,7 +115,7 @@ impl ProgramRun {
         if now.is_ok_and(|now| judged_by.is_near(&now)) {
             return false;
         }
-        let workplace = WorkplaceCheck::begin(context, &self.job.request, self.first_element, None);
+        let workplace = WorkplaceCheck::begin(context, &self.job.request, self.beginning, None);
         self.judged_again = workplace.map(Box::new);
         self.judged_again.is_some()
     }

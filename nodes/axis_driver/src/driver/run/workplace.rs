@@ -7,12 +7,10 @@ use crate::driver::context::Context;
 use crate::driver::context::limits::CheckTravel;
 use crate::driver::context::machine::Machine;
 use crate::driver::output::LogLevel;
-use crate::envelope::{Envelope, Workplace};
+use crate::envelope::{Beginning, Envelope, Workplace};
 use crate::machine_limits::{MachineLimits, StoredOffsets};
 use cnc_msgs::calls::chain_after;
-use cnc_msgs::contour::Action;
 use cnc_msgs::finding::{Code, Finding};
-use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::CompensatedPath;
 
 /// Judges the path of a run while it is proved.
@@ -24,6 +22,7 @@ pub(in crate::driver) struct WorkplaceCheck {
     check_travel: CheckTravel,
     /// It is a part of a run, and no check beside one.
     is_of_run: bool,
+    pub(in crate::driver) beginning: Beginning,
     /// Elements that were judged in slices, and how many are to be.
     judged: usize,
     until: usize,
@@ -46,7 +45,7 @@ impl WorkplaceCheck {
     pub(in crate::driver) fn begin(
         context: &mut Context,
         request: &RunRequest,
-        first_element: usize,
+        beginning: Beginning,
         began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
         let check_travel = context.config.check_travel;
@@ -55,11 +54,8 @@ impl WorkplaceCheck {
         }
         let is_of_run = !request.is_only_encoded(context);
         let machine = &context.machine;
-        let homes = !machine.is_homed && first_element == 0 && homes_first(&request.path);
-        // Where the axes stand before that, they stand in another frame.
-        let start_in_machine = machine.machine_position().filter(|_| !homes);
-        let mut limits = match limits(machine, homes) {
-            Ok(limits) => limits,
+        let (mut limits, mut when_homed) = match limits(machine) {
+            Ok(both) => both,
             Err(because) => {
                 let what = match context.config.keep_out.keep_out.is_empty() {
                     true => "the travel was",
@@ -73,13 +69,17 @@ impl WorkplaceCheck {
         let workplace = Workplace {
             keep_out: &context.config.keep_out,
             tool_diameters_mm: &request.tool_diameters_mm,
-            start_in_machine,
+            start_in_machine: machine.machine_position(),
         };
         let offsets = limits.offsets;
         limits.offsets = began_with.unwrap_or(offsets);
-        let envelope = Envelope::new(&limits, &request.path, first_element, workplace);
+        when_homed.offsets = limits.offsets;
+        let mut envelope = Envelope::new(&limits, &request.path, beginning, workplace);
+        if !machine.is_homed {
+            envelope = envelope.homed_by_path(&when_homed, workplace);
+        }
         let until = request.path.elements.len();
-        Some(Self { envelope, offsets, check_travel, is_of_run, judged: 0, until })
+        Some(Self { envelope, offsets, check_travel, is_of_run, beginning, judged: 0, until })
     }
 
     /// The same for the rest of a run that is under way: the path has set offsets before it.
@@ -89,7 +89,8 @@ impl WorkplaceCheck {
         first_element: usize,
         began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
-        let mut check = Self::begin(context, request, first_element, began_with)?;
+        let beginning = Beginning::with_element(&request.path, first_element);
+        let mut check = Self::begin(context, request, beginning, began_with)?;
         check.envelope.go_on_with(&request.path, &check.offsets, None);
         Some(check)
     }
@@ -118,7 +119,8 @@ impl WorkplaceCheck {
             context.log_not_checked(LogLevel::Warn, text.into());
             return None;
         };
-        let mut check = Self::begin(context, request, first_element, began_with)?;
+        let beginning = Beginning::with_element(&request.path, first_element);
+        let mut check = Self::begin(context, request, beginning, began_with)?;
         check.envelope.go_on_with(&request.path, &check.offsets, Some(here));
         Some(check)
     }
@@ -134,18 +136,28 @@ impl WorkplaceCheck {
         self.envelope.advance_to(path, element);
     }
 
+    /// All of it was judged: whether the run is refused.
+    pub(in crate::driver) fn refuses(&self) -> bool {
+        self.envelope.report().findings.iter().any(|finding| self.refuses_for(finding))
+    }
+
+    fn refuses_for(&self, finding: &Finding) -> bool {
+        match finding.code {
+            Code::Travel => finding.is_error() && self.check_travel == CheckTravel::Refuse,
+            Code::KeepOut => finding.is_error(),
+            // A thread that the controller cannot cut is not encoded.
+            _ => false,
+        }
+    }
+
     /// All of it was judged: logs what is worth knowing, and gives why the run is refused.
     pub(in crate::driver) fn refusal(&self, context: &mut Context) -> Option<Refusal> {
         let report = self.envelope.report();
         let is_judged = |finding: &Finding| {
             self.check_travel != CheckTravel::Off || finding.code == Code::KeepOut
         };
-        let refuses = |finding: &Finding| {
-            let is_left = finding.code == Code::Travel && self.check_travel != CheckTravel::Refuse;
-            finding.is_error() && !is_left
-        };
         let (errors, others): (Vec<_>, Vec<_>) =
-            report.findings.into_iter().filter(is_judged).partition(refuses);
+            report.findings.into_iter().filter(is_judged).partition(|it| self.refuses_for(it));
         for finding in others {
             context.log(LogLevel::Warn, text(&finding));
         }
@@ -171,23 +183,15 @@ impl WorkplaceCheck {
     }
 }
 
-/// Whether a path homes all axes before it moves.
-fn homes_first(path: &CompensatedPath) -> bool {
-    let mut before = path.events.iter().take_while(|event| event.at_element == 0);
-    before.any(|event| {
-        matches!(event.action, Action::Home { axes } if axes == AxisSet::ALL || axes.is_empty())
-    })
-}
-
-/// What the controller has reported about the machine as it will be when the program moves.
-fn limits(machine: &Machine, homes: bool) -> Result<MachineLimits, String> {
+/// What the controller has reported about the machine, as it is and once it is homed.
+fn limits(machine: &Machine) -> Result<(MachineLimits, MachineLimits), String> {
     if let Some(name) = machine.other_kinematics() {
         return Err(format!("with {name} kinematics the travel is not a box"));
     }
     if !machine.has_units {
         return Err("the controller has not reported its units ($13)".into());
     }
-    let limits = if homes { machine.limits_when_homed() } else { machine.limits() };
+    let limits = machine.limits().and_then(|now| Ok((now, machine.limits_when_homed()?)));
     limits.map_err(|problem| problem.to_string())
 }
 
