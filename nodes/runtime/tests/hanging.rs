@@ -6,7 +6,7 @@
 //! | trap | test |
 //! |---|---|
 //! | several nodes in one context: all but one never receive anything | `loopback`: every test has two nodes that find each other, each with its own context |
-//! | the loopback interface carries 12 participants, the 13th is not found | `process::the_thirteenth_node_on_a_computer_says_what_to_do` |
+//! | the loopback interface carries 64 participants, the 65th is not found | `process::a_node_that_others_do_not_find_on_a_computer_says_what_to_do` |
 //! | three files an endpoint: the limit of 1024 is near | `traps::a_node_may_open_more_files_than_a_shell_allows` |
 //! | what was published last is lost when the process ends | `traps::what_a_node_says_last_arrives` |
 //! | an endpoint that is made while others are discovered deadlocks the participant | `crowd` |
@@ -17,7 +17,7 @@
 //! | "keep all" keeps 64 samples | `traps::a_burst_within_the_depth_of_a_subscription_is_whole` |
 //! | 8192 samples that one reader did not acknowledge stop the topic for all | `a_subscriber_that_hangs_or_dies_leaves_the_others_what_is_published`, and `process::a_subscriber_that_hangs_costs_samples_but_never_holds_the_publisher_up` |
 //! | the same for the replies to all clients of a service | `a_client_that_hangs_or_dies_leaves_the_others_their_answers` |
-//! | a latched topic gives its first reader all that was ever published | `loopback::a_late_joiner_gets_what_is_latched_and_the_newest_comes_last` |
+//! | a latched topic gives its first reader all that was ever published | `loopback::a_late_joiner_of_a_latched_topic_gets_the_newest_sample_and_no_other` |
 //! | a request through the wrong mapping is garbage, not an error | `wire::tests::a_request_through_the_wrong_mapping_is_refused` |
 //! | any type is matched by its topic's name | `defence`, `loopback::a_sender_of_another_type_is_counted_and_passed_over` |
 

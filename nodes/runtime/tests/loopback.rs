@@ -20,24 +20,30 @@ async fn samples_arrive_in_order_with_sender_number_and_times() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_late_joiner_gets_what_is_latched_and_the_newest_comes_last() {
+async fn a_late_joiner_of_a_latched_topic_gets_the_newest_sample_and_no_other() {
     let left = start("left", domain(1));
     let publisher = left.handle().publisher::<Count>("state", Qos::LATCHED).expect("publisher");
-    for data in 1..=5 {
-        assert!(publisher.publish(Count { data }));
+    // The depth of the publisher is one; this one would take them all.
+    let deep = Qos::LATCHED.with_depth(100);
+    // With no reader, and with one that has them all.
+    let mut joined = Vec::new();
+    for newest in [5, 45] {
+        for data in newest - 4..=newest {
+            assert!(publisher.publish(Count { data }));
+        }
+        let right = start(&format!("right{newest}"), domain(1));
+        let mut late = right.handle().subscription::<Count>("state", deep).expect("reader");
+        assert_eq!(soon("the newest", late.next()).await.0.data, newest);
+        let more = tokio::time::timeout(Duration::from_secs(1), late.next()).await;
+        assert!(more.is_err(), "{more:?}");
+        joined.push((late, right));
     }
-    let right = start("right", domain(1));
-    let qos = Qos::LATCHED.with_depth(100);
-    let mut subscription = right.handle().subscription::<Count>("state", qos).expect("reader");
-    let mut newest = soon("the latched value", subscription.next()).await.0.data;
-    while newest != 5 {
-        let next = soon("the newest value", subscription.next()).await.0.data;
-        assert!(next > newest, "{next} after {newest}");
-        newest = next;
+    drop(publisher);
+    for (late, right) in joined {
+        drop(late);
+        right.stop().await;
     }
-    drop((publisher, subscription));
     left.stop().await;
-    right.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -9,9 +9,10 @@ mod common;
 use cnc_msgs::wire::rcl_interfaces::msg::Log;
 use common::{Count, PATIENCE, Text, domain, namespace, soon, start};
 use runtime::parameters::Declared;
-use runtime::supervision::{DEAF, PANICKED, TOO_LARGE};
+use runtime::supervision::{PANICKED, TOO_LARGE};
 use runtime::{Handle, NodeError, Qos};
 use std::io::Read;
+use std::net::UdpSocket;
 use std::os::unix::net::UnixDatagram;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -202,29 +203,27 @@ fn a_panic_of_any_thread_ends_the_process() {
     }
 }
 
-#[test]
-fn a_node_that_was_stopped_and_continued_notices_that_it_is_deaf() {
-    let mut child = launch("--ros-args", domain(66));
-    let console = received(&mut child, " started");
-    let mut continued = Instant::now();
-    // If none of its DDS threads was waiting at that moment, it works as before.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_node_that_was_stopped_and_continued_is_heard_again() {
+    let listener = start("listener", domain(68));
+    let node = listener.handle();
+    let mut greetings = node.subscription::<Text>("greeting", Qos::DEFAULT).expect("reader");
+    let mut child = launch(&format!("--ros-args -r __ns:={}", namespace()), domain(68));
+    soon("a greeting", greetings.next()).await;
     for _ in 0..10 {
         signal(&child, "-STOP");
-        std::thread::sleep(Duration::from_millis(200));
-        continued = Instant::now();
+        tokio::time::sleep(Duration::from_millis(200)).await;
         signal(&child, "-CONT");
-        let mut is_over = || child.try_wait().expect("a child").is_some();
-        while !is_over() && continued.elapsed() < Duration::from_secs(4) {
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        if is_over() {
-            break;
+        // More than the subscription keeps from before.
+        for _ in 0..15 {
+            soon("a greeting", greetings.next()).await;
         }
     }
-    let (status, text) = end_of(child);
-    eprintln!("deaf for {} ms", continued.elapsed().as_millis());
-    assert_eq!(status, Some(i32::from(DEAF)), "{console}{text}");
-    assert!(text.contains("thread of the DDS layer has ended"), "{text}");
+    assert!(child.try_wait().expect("a child").is_none(), "it has not been restarted");
+    signal(&child, "-INT");
+    let (status, text) = tokio::task::spawn_blocking(|| end_of(child)).await.expect("ends");
+    assert_eq!(status, Some(0), "{text}");
+    listener.stop().await;
 }
 
 #[test]
@@ -274,17 +273,30 @@ fn a_second_signal_ends_a_node_at_once_that_does_not_listen() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn the_thirteenth_node_on_a_computer_says_what_to_do() {
-    let others: Vec<_> = (0..12).map(|index| start(&format!("n{index}"), domain(64))).collect();
+async fn nodes_that_come_after_many_others_on_a_computer_find_each_other() {
+    let _others = occupied(domain(66), 20);
+    let (left, right) = (start("left", domain(66)), start("right", domain(66)));
+    common::samples_pass(&left, &right, 100).await;
+    left.stop().await;
+    right.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_node_that_others_do_not_find_on_a_computer_says_what_to_do() {
+    let _others = occupied(domain(64), runtime::LOOPBACK_PARTICIPANTS_MAX as u16);
     let child = launch("--ros-args", domain(64));
     tokio::time::sleep(Duration::from_secs(2)).await;
     signal(&child, "-INT");
     let (_, text) = tokio::task::spawn_blocking(|| end_of(child)).await.expect("ends");
-    assert!(text.contains("this is participant 1") && text.contains("of ROS_DOMAIN_ID"), "{text}");
+    assert!(text.contains("this is participant 65 of ROS_DOMAIN_ID"), "{text}");
     assert!(text.contains("ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"), "{text}");
-    for other in others {
-        other.stop().await;
-    }
+}
+
+/// The ports of so many participants, as if others had them.
+fn occupied(domain_id: u16, participants: u16) -> Vec<UdpSocket> {
+    let port = |participant| 7400 + 250 * domain_id + 10 + 2 * participant;
+    let bind = |participant| UdpSocket::bind(("0.0.0.0", port(participant))).ok();
+    (0..participants).filter_map(bind).collect()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

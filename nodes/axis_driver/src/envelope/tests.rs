@@ -203,20 +203,21 @@ fn a_run_from_the_middle_is_judged_from_there() {
 
 #[test]
 fn the_way_to_a_beginning_in_the_middle_is_judged() {
-    // Elements 0 to 3; G53 stands before the last, in line 5.
+    // The last element is the fifth; G53 may stand before it, in line 5.
     let action = Action::MachineMove {
         target: [0.0, 0.0, 40.0],
         axes: AxisSet::NONE.with(2),
         rapid: true,
         feed_mm_per_min: 0.0,
     };
-    let program = begun().cut([100.0, 0.0, 10.0]).cut([100.0, 0.0, 5.0]).act(action);
-    let program = program.rapid("Z", [100.0, 0.0, 10.0]);
+    let cut = || begun().cut([100.0, 0.0, 10.0]).cut([100.0, 0.0, 5.0]);
+    let plain = cut().rapid("Z", [100.0, 0.0, 10.0]);
+    let with_g53 = cut().act(action).rapid("Z", [100.0, 0.0, 10.0]);
     // Machine frame: X-430 to -410, and up to Z-20, between where the tool stands and X-400.
     let between = clamp(Frame::Machine, [-430.0, -310.0, -100.0], [-410.0, -290.0, -20.0]);
     let below = clamp(Frame::Machine, [-405.0, -310.0, -100.0], [-395.0, -290.0, -50.0]);
     let tools = BTreeMap::new();
-    let judged = |keep_out: &KeepOut, event, approach| {
+    let judged = |program: &Program, keep_out: &KeepOut, event, approach| {
         let start_in_machine = Some([-450.0, -300.0, -60.0]);
         let workplace = Workplace { keep_out, tool_diameters_mm: &tools, start_in_machine };
         let beginning = Beginning { element: 4, event, approach };
@@ -224,23 +225,23 @@ fn the_way_to_a_beginning_in_the_middle_is_judged() {
         envelope.advance_to(&program.0, program.0.elements.len());
         envelope.report()
     };
+    let approached = |keep_out: &KeepOut, approach| judged(&plain, keep_out, 0, Some(approach));
     let none = KeepOut::default();
     let axes = AxisSet::ALL;
-    let from = |height_mm| Some(Approach { height_mm, axes });
+    let from = |height_mm| Approach { height_mm, axes };
     // The event before the beginning is run, or left out.
-    check(&judged(&none, 0, None), &[(Code::Travel, 5, "Z40.000 in the machine frame (G53)")]);
-    check(&judged(&none, 1, None), &[]);
-    check(&judged(&none, 1, from(-5.0)), &[]);
-    check(
-        &judged(&none, 1, from(5.0)),
-        &[(Code::Travel, 6, "Z5.000 in the machine frame (the way to the beginning)")],
-    );
-    check(&judged(&between, 1, from(-5.0)), &[]);
-    check(&judged(&between, 1, from(-25.0)), &[(Code::KeepOut, 6, "left clamp")]);
-    check(&judged(&below, 1, from(-5.0)), &[(Code::KeepOut, 6, "left clamp")]);
-    // Z stays at the height where the path does not say it.
-    let over = Some(Approach { height_mm: -5.0, axes: axes.without(AxisSet::NONE.with(2)) });
-    check(&judged(&below, 1, over), &[]);
+    let out = "Z40.000 in the machine frame (G53)";
+    check(&judged(&with_g53, &none, 0, None), &[(Code::Travel, 5, out)]);
+    check(&judged(&with_g53, &none, 1, None), &[]);
+    check(&approached(&none, from(-5.0)), &[]);
+    let out = "Z5.000 in the machine frame (the way to the beginning)";
+    check(&approached(&none, from(5.0)), &[(Code::Travel, 5, out)]);
+    check(&approached(&between, from(-5.0)), &[]);
+    check(&approached(&between, from(-25.0)), &[(Code::KeepOut, 5, "left clamp")]);
+    check(&approached(&below, from(-5.0)), &[(Code::KeepOut, 5, "left clamp")]);
+    // After G53 the path does not say Z: the tool stays at the height.
+    let over = Approach { axes: axes.without(AxisSet::NONE.with(2)), ..from(-5.0) };
+    check(&judged(&with_g53, &none, 1, Some(over)), &[]);
 }
 
 fn clamp(frame: Frame, min_mm: Position, max_mm: Position) -> KeepOut {

@@ -3,7 +3,7 @@
 use super::machine::until;
 use super::rtps::{PACKETS, participants, send, socket};
 use super::support::{Folder, TIMEOUT};
-use super::{NODES, stop_and_continue_until_deaf};
+use super::NODES;
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -72,12 +72,11 @@ fn inside() {
         until(node, || serving(node));
     }
     let to = |signal| move |id| kill_process(id, signal).expect("it is there");
-    check(&["program_loader"], "status=70", stop_and_continue_until_deaf);
     check(&["compensation_planner"], "status=9/KILL", to(Signal::KILL));
     check(&["run_recorder"], "Watchdog timeout", to(Signal::STOP));
     let driver = serving("axis_driver");
     let others = ["program_loader", "compensation_planner", "run_recorder"];
-    for (number, said) in [(0, "status=101"), (2, "status=6/ABRT")] {
+    for (number, said) in [(0, "status=101"), (1, "status=70"), (2, "status=6/ABRT")] {
         let prefixes = participants(DOMAIN, NODES.len());
         check(&others, said, |_| {
             let socket = socket();

@@ -9,13 +9,14 @@ use std::time::{Duration, Instant};
 pub(crate) const PORT: &str = "port";
 /// All that is reached through it.
 pub(crate) const SUBNET: &str = "SUBNET";
-/// The only mapping of services whose long answers a network carries.
-pub(crate) const RMW: &str = "rmw_cyclonedds_cpp";
+/// The middleware that ROS 2 has without a word about it.
+pub(crate) const RMW: &str = "rmw_fastrtps_cpp";
 
 /// A network namespace that lives as long as a process of ours in it.
 #[derive(Debug)]
 pub(crate) struct Host {
     holder: Child,
+    rmw: &'static str,
 }
 
 /// Says why there is no proof; where there has to be one, that is a failure.
@@ -48,11 +49,17 @@ impl Host {
         let out = holder.stdout.take().expect("piped");
         BufReader::new(out).read_line(&mut said).expect("a pipe can be read");
         if said.trim() == "ready" {
-            return Some(Self { holder });
+            return Some(Self { holder, rmw: RMW });
         }
         let ended = holder.wait_with_output().expect("it has ended");
         let why = String::from_utf8_lossy(&ended.stderr).into_owned();
         unproved(&format!("network namespaces are refused here: {}", why.trim()))
+    }
+
+    /// Its nodes speak to each other as this middleware does.
+    pub(crate) fn speaking(mut self, rmw: &'static str) -> Self {
+        self.rmw = rmw;
+        self
     }
 
     /// Lets a command run on this host.
@@ -78,7 +85,7 @@ impl Host {
         let mut command = kerf();
         command.env("ROS_AUTOMATIC_DISCOVERY_RANGE", range).args(args);
         if range == SUBNET {
-            command.env("RMW_IMPLEMENTATION", RMW);
+            command.env("RMW_IMPLEMENTATION", self.rmw);
         }
         self.on(&command)
     }

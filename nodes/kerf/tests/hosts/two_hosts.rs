@@ -1,7 +1,7 @@
 //! A machine that is spread over two hosts, and the cable between them.
 
 use super::commander::Commander;
-use super::network::{Host, PORT, Process, SUBNET, until};
+use super::network::{Host, PORT, Process, RMW, SUBNET, until};
 use super::support::{CONTOUR, Folder, Ran, TOOLS, run};
 use std::path::Path;
 use std::time::Duration;
@@ -16,8 +16,8 @@ struct Cell {
 
 impl Cell {
     /// `None` where there are no hosts to be had.
-    fn new(time_factor: &str) -> Option<Self> {
-        let (office, shop) = (Host::new()?, Host::new()?);
+    fn new(time_factor: &str, rmw: &'static str) -> Option<Self> {
+        let (office, shop) = (Host::new()?.speaking(rmw), Host::new()?.speaking(rmw));
         office.connect(&shop);
         let folder = Folder::new();
         let link = folder.path().join("controller");
@@ -70,18 +70,26 @@ fn bags(folder: &Path) -> Vec<std::path::PathBuf> {
 
 #[test]
 fn nodes_on_two_hosts_load_plan_run_and_record() {
-    let Some(cell) = Cell::new("50") else { return };
-    let args = ["run", CONTOUR, "--control", "sinumerik_840c"];
-    cell.kerf(&cell.office, &args).expect(0).says(&["done"]);
-    let bag = until("a bag", || bags(cell.folder.path()).pop());
-    let bag = bag.to_str().expect("a path of ours is UTF-8");
-    cell.kerf(&cell.shop, &["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
-    assert!(!cell.logs().contains("panicked"), "{}", cell.logs());
+    for rmw in [RMW, "rmw_cyclonedds_cpp"] {
+        let Some(cell) = Cell::new("50", rmw) else { return };
+        // Contour, path and what the recorder fetches are answers of many packets.
+        let moves: String = (0..2000).map(|n| format!("G1 X{} Y{}\n", 10 + n % 2, n % 3)).collect();
+        let program = format!("G21 G90 G94 G17\nG0 X10 Y0\nF6000\n{moves}M30\n");
+        cell.folder.file("long.ngc", program);
+        cell.kerf(&cell.office, &["plan", "long.ngc", "--quiet"]).expect(0);
+        cell.kerf(&cell.office, &["load", "long.ngc"]).expect(0);
+        let args = ["run", CONTOUR, "--control", "sinumerik_840c"];
+        cell.kerf(&cell.office, &args).expect(0).says(&["done"]);
+        let bag = until("a bag", || bags(cell.folder.path()).pop());
+        let bag = bag.to_str().expect("a path of ours is UTF-8");
+        cell.kerf(&cell.shop, &["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
+        assert!(!cell.logs().contains("panicked"), "{}", cell.logs());
+    }
 }
 
 #[test]
 fn a_pulled_cable_holds_the_run_and_the_commander_resumes_it_when_it_is_back() {
-    let Some(cell) = Cell::new("4") else { return };
+    let Some(cell) = Cell::new("4", RMW) else { return };
     // Two minutes of machine time.
     let moves: String = (0..12).map(|_| "G1 X110\nG1 X10\n").collect();
     let program = format!("G21 G90 G94 G17\nG0 X10 Y10\nF1200\n{moves}M30\n");

@@ -72,15 +72,6 @@ impl Default for Environment {
 }
 
 impl Environment {
-    /// Whether service answers may be longer than one network packet (1.4 kB on Ethernet).
-    ///
-    /// With rmw_fastrtps_cpp the identity of the request precedes the payload, and RustDDS
-    /// corrupts it when it fragments a message; the loopback interface does not fragment.
-    /// With rmw_cyclonedds_cpp the identity is in the payload.
-    pub fn keeps_long_replies(&self) -> bool {
-        self.range != DiscoveryRange::Subnet || self.mapping != ServiceMapping::Enhanced
-    }
-
     /// Reads the variables; an empty value counts as none, as it does in ROS 2.
     ///
     /// # Errors
@@ -180,15 +171,6 @@ impl Environment {
             }
         }
 
-        if !found.keeps_long_replies() {
-            found.warnings.push(
-                "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET under rmw_fastrtps_cpp: answers longer than \
-                 1.2 kB, and so programs and paths, do not reach other nodes; set \
-                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all of them"
-                    .to_owned(),
-            );
-        }
-
         if get("ROS_SECURITY_ENABLE").is_some_and(|value| value.eq_ignore_ascii_case("true")) {
             if let Some(file) = &found.zenoh.session_config {
                 let reason = "with ROS_SECURITY_ENABLE=true the session is that of the enclave: \
@@ -283,7 +265,6 @@ mod tests {
         }
         let found = found.expect("valid");
         assert!(found.mapping == ServiceMapping::Queries && found.warnings.is_empty());
-        assert!(found.keeps_long_replies());
         let with = |name, value| read(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp"), (name, value)]);
         let range = with("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET").expect("valid");
         assert!(range.warnings.iter().any(|warning| warning.contains("router")), "{range:?}");
@@ -302,19 +283,6 @@ mod tests {
         assert!(error.contains("/a.json5") && error.contains("unset one"), "{error}");
         assert!(with("ZENOH_ROUTER_CHECK_ATTEMPTS", "often").is_err());
         assert!(with("ROS_DOMAIN_ID", "233").is_err());
-    }
-
-    #[test]
-    fn under_fastrtps_long_answers_stay_on_this_computer_with_a_warning() {
-        let warns = |range, rmw| {
-            let found =
-                read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", range), ("RMW_IMPLEMENTATION", rmw)]);
-            let found = found.expect("valid");
-            assert_eq!(found.warnings.is_empty(), found.keeps_long_replies());
-            found.keeps_long_replies()
-        };
-        assert!(warns("LOCALHOST", "rmw_fastrtps_cpp") && warns("SUBNET", "rmw_cyclonedds_cpp"));
-        assert!(!warns("SUBNET", "rmw_fastrtps_cpp") && !warns("SUBNET", ""));
     }
 
     #[test]

@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 /// How many participants find each other on the loopback interface alone:
-/// discovery without multicast probes the ports of the ids 0 to 11.
-pub const LOOPBACK_PARTICIPANTS_MAX: usize = 12;
+/// discovery without multicast probes the ports of so many ids (`SPDP_LOCALHOST_PEER_COUNT` of our RustDDS).
+pub const LOOPBACK_PARTICIPANTS_MAX: usize = 64;
 
 /// The known peers; shared by all endpoints.
 #[derive(Debug)]

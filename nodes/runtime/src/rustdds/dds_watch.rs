@@ -1,13 +1,12 @@
 //! The watchdog of the DDS layer: whether it still serves this process.
 //!
-//! RustDDS ends its event loops when SIGSTOP and SIGCONT interrupt a wait, and some packets make a
-//! thread panic or spin. The process then lives on but receives nothing. So a thread of our own
+//! Some packets make a thread of RustDDS panic or spin. The process then lives on but receives nothing. So a thread of our own
 //! gives each of the two DDS threads some work four times a second, and checks that it waits for
 //! more afterwards. The receiver gets a datagram on the participant's own port, the discovery
 //! thread a command. This uses no endpoint, so it works the same with security, on any network,
 //! with any number of peers.
-//! The reports: docs/upstream/rustdds-interrupted-poll.md, docs/upstream/rustdds-nack-frag.md,
-//! docs/upstream/rustdds-heartbeat-range.md and docs/upstream/rustdds-gap-range.md.
+//! The reports: docs/upstream/rustdds-nack-frag.md, docs/upstream/rustdds-heartbeat-range.md and
+//! docs/upstream/rustdds-gap-range.md.
 //!
 //! Many messages may keep the receiver busy without a break; it serves as long as it takes the
 //! datagrams from its socket.
@@ -183,8 +182,7 @@ impl Checks {
             match *seen {
                 ThreadState::Ended => {
                     return Some(format!(
-                        "the {name} thread of the DDS layer has ended (after SIGSTOP and SIGCONT, \
-                         or on a packet it cannot handle)"
+                        "the {name} thread of the DDS layer has ended (on a packet it cannot handle)"
                     ));
                 }
                 ThreadState::Idle => progress.failed_checks = 0,

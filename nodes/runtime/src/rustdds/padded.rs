@@ -22,8 +22,6 @@ fn padding(bytes: usize) -> usize {
 #[derive(Debug)]
 pub(crate) struct Padded {
     bytes: Vec<u8>,
-    /// Without the padding.
-    len: usize,
 }
 
 impl Padded {
@@ -37,12 +35,7 @@ impl Padded {
         bytes.extend_from_slice(header);
         bytes.extend_from_slice(body);
         bytes.resize(len + padding(len), 0);
-        Ok(Self { bytes, len })
-    }
-
-    /// Its length without padding.
-    pub(crate) fn len(&self) -> usize {
-        self.len
+        Ok(Self { bytes })
     }
 }
 
@@ -85,7 +78,6 @@ mod tests {
             assert_eq!(bytes.len() % 4, 0, "{length}");
             assert!(bytes.starts_with(&[7; 16]) && bytes[16..].starts_with(&body), "{length}");
             assert!(bytes.len() < 16 + body.len() + 4, "{length}");
-            assert_eq!(payload.len(), 16 + body.len());
         }
         assert!(Padded::new(&[], &[0; 64_000]).is_ok());
         let error = Padded::new(&[0; 16], &[0; 63_985]).expect_err("one byte too many");

@@ -12,7 +12,7 @@ use crate::endpoints::error::NodeError;
 use crate::endpoints::publisher::Drops;
 use crate::endpoints::wire::{CycloneHeader, padded};
 use crate::process::lock;
-use crate::rustdds::padded::{BYTES_MAX, Padded};
+use crate::rustdds::padded::Padded;
 use crate::samples::gid::Gid;
 use rustdds::dds::WriteError;
 use rustdds::no_key::DataWriterCdr;
@@ -28,9 +28,6 @@ const SETTLE: Duration = Duration::from_millis(200);
 /// Replies that may wait for that, at most. The clients of further ones retry or time out.
 const WAITING_MAX: usize = 1000;
 
-/// The longest reply in one network packet, bytes, with the identity of the request.
-const IN_ONE_PIECE: usize = 1_200;
-
 type Writer = DataWriterCdr<Padded>;
 type NewWriter = dyn Fn() -> Result<Writer, NodeError> + Send + Sync;
 
@@ -43,8 +40,6 @@ pub(crate) struct Replies {
 struct Shared {
     /// Whether the mapping puts a header before replies.
     has_header: bool,
-    /// Longer replies cannot be sent.
-    bytes_max: usize,
     new_writer: Box<NewWriter>,
     state: Mutex<ReplyState>,
     drops: Drops,
@@ -63,10 +58,9 @@ impl Replies {
         new_writer: Box<NewWriter>,
     ) -> Result<Self, NodeError> {
         let has_header = environment.mapping == ServiceMapping::Cyclone;
-        let bytes_max = if environment.keeps_long_replies() { BYTES_MAX } else { IN_ONE_PIECE };
         let state = Mutex::new(ReplyState { writer: new_writer()?, waiting: None });
         let drops = Drops::new(format!("replies of {name}"));
-        Ok(Self { shared: Arc::new(Shared { has_header, bytes_max, new_writer, state, drops }) })
+        Ok(Self { shared: Arc::new(Shared { has_header, new_writer, state, drops }) })
     }
 
     /// The address of the writer.
@@ -139,14 +133,7 @@ enum Unsent {
 impl Shared {
     fn encode(&self, to: RequestInfo, response: &[u8]) -> Result<Padded, String> {
         let header = self.has_header.then(|| CycloneHeader::new(to.client, to.sequence));
-        let reply = padded(header, response)?;
-        match reply.len() {
-            len if len > self.bytes_max => Err(format!(
-                "an answer of {len} bytes cannot leave this computer under rmw_fastrtps_cpp; set \
-                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes",
-            )),
-            _ => Ok(reply),
-        }
+        padded(header, response)
     }
 
     fn write(&self, writer: &Writer, to: RequestInfo, reply: Padded) -> Result<(), Unsent> {

@@ -2102,6 +2102,16 @@ impl Writer {
           // before matching with this reader. Therefore we set the reader as pending GAP
           // for all existing sequence numbers
           new_proxy.set_pending_gap_up_to(self.send_buffer.last_change_sequence_number());
+        } else if let (true, Some(History::KeepLast { depth })) =
+          (self.my_guid.entity_id.entity_kind.is_user_defined(), self.qos_policies.history)
+        {
+          // Kerf: of a writer that remembers, a late joiner gets the last `depth` samples. Older ones are
+          // kept for readers that have not acknowledged them yet, or until the next cleaning.
+          let before = self.send_buffer.last_change_sequence_number() - SequenceNumber::from(depth as usize);
+          let first = self.send_buffer.first_change_sequence_number();
+          for sample in SequenceNumber::range_inclusive(first, before) {
+            new_proxy.insert_pending_gap(sample);
+          }
         }
         new_proxy.resolve_send_route(
           &self.interface_observations.borrow(),
