@@ -16,8 +16,15 @@ from pathlib import Path
 
 from machine import die_with_parent, kerf
 
+# Where the peer of rclpy is, which the tests find by themselves.
+sys.path.insert(0, str(Path(__file__).parent / 'real_ros'))
+
 # How long a call may take, s.
 CALL_WITHIN = 20.0
+# Where the body of a serialized chunk without program_id and calls begins, and how much follows it.
+BODY_FROM, AFTER_BODY = 36, 16
+# Of an element without an N number, in a body: where the first begins, the length, and what is padding.
+ELEMENT_FROM, ELEMENT_SIZE, PADDING = 4, 104, slice(9, 12)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,7 +40,6 @@ class OnFastDds:
     """A node of rclpy."""
 
     def __init__(self, name, where):
-        sys.path.insert(0, str(Path(__file__).parent / 'real_ros'))
         from rclpy_peer import Peer
         os.environ['ROS_DOMAIN_ID'] = str(where.domain_id)
         self._peer = Peer(self._context(), where.namespace, name)
@@ -46,6 +52,13 @@ class OnFastDds:
         made = rclpy.Context()
         rclpy.init(context=made)
         return made
+
+    @classmethod
+    def prepare(cls, *names):
+        """Imports what a node needs, which is not part of joining a domain."""
+        importlib.import_module('rclpy_peer')
+        for name in names:
+            cls.type(name).__import_type_support__()
 
     @staticmethod
     def type(name):
@@ -96,12 +109,31 @@ class OnFastDds:
         assert goal.accepted, 'the goal is rejected'
 
     @staticmethod
-    def cdr(message):
+    def body(chunk):
+        """The bytes that the checks of a path are of; takes the name of the program away.
+
+        Fast CDR leaves in the padding what was in memory before, and the checks are of zeros.
+        """
+        import numpy
         from rclpy.serialization import serialize_message
-        return serialize_message(message)
+        assert not chunk.calls
+        chunk.program_id = ''
+        data = serialize_message(chunk)
+        if chunk.events or any(element.block for element in chunk.elements):
+            from ros2 import message
+            return _body(message('cnc_msgs/msg/PathChunk').deserialize(data).serialize())
+        made = bytearray(_body(data))
+        end = ELEMENT_FROM + ELEMENT_SIZE * len(chunk.elements)
+        rows = numpy.frombuffer(made, numpy.uint8)[ELEMENT_FROM:end].reshape(-1, ELEMENT_SIZE)
+        rows[:, PADDING] = 0
+        return bytes(made)
 
     def close(self):
         self._peer.close()
+
+
+def _body(chunk):
+    return bytes(chunk[BODY_FROM:-AFTER_BODY])
 
 
 class _OfTheTests:
@@ -140,8 +172,11 @@ class _OfTheTests:
         assert runs.send_goal(program_id=program_id).accepted, 'the goal is rejected'
 
     @staticmethod
-    def cdr(message):
-        return message.serialize()
+    def body(chunk):
+        """The bytes that the checks of a path are of; takes the name of the program away."""
+        assert not chunk.calls
+        chunk.program_id = ''
+        return _body(chunk.serialize())
 
     def close(self):
         self._node.close()
@@ -154,6 +189,11 @@ class OnCyclone(_OfTheTests):
         from ros2 import Node
         super().__init__(Node(name, where.namespace, where.domain_id))
 
+    @classmethod
+    def prepare(cls, *names):
+        for name in names:
+            cls.type(name)
+
     def serve_forever(self):
         from ros2.services import serve_forever
         serve_forever(self._node, *self._services)
@@ -161,6 +201,12 @@ class OnCyclone(_OfTheTests):
 
 class OnZenoh(_OfTheTests):
     """A node of the library of Zenoh."""
+
+    @classmethod
+    def prepare(cls, *names):
+        importlib.import_module('ros2_zenoh')
+        for name in names:
+            cls.type(name)
 
     def __init__(self, name, where):
         from ros2_zenoh import Node

@@ -28,8 +28,6 @@ from middlewares import NODES, RMW, Where, router
 # Calls before the first that counts.
 WARM_UP = 20
 BAUD = 115_200
-# Where the body of a serialized chunk without program_id and calls begins and how much is after it.
-BODY_FROM, AFTER_BODY = 36, 16
 # The nodes publish the chunks of a new path at this pace; then they are at rest.
 ELEMENTS_PER_S = 30_000
 BARE = 'bare/'
@@ -297,13 +295,6 @@ def holds_written(bag):
     return [at for _, at in sorted(set(entries))]
 
 
-def body_of(node, chunk):
-    """The bytes that the checks of a path are of."""
-    assert not chunk.calls
-    chunk.program_id = ''
-    return bytes(node.cdr(chunk)[BODY_FROM:-AFTER_BODY])
-
-
 def serve(arguments):
     """The bare node: answers calls, and has a path of as many elements in chunks as long as Kerf's."""
     where = Where(arguments.namespace, arguments.domain_id, arguments.port)
@@ -325,7 +316,7 @@ def serve(arguments):
         [chunk] = get_chunks(first=1).chunks
         each = len(chunk.elements)
         count = math.ceil(elements / each)
-        body = body_of(node, chunk)
+        body = node.body(chunk)
         chunk.program_id, chunk.revision, chunk.chunk_count = 'bare', 1, count
         manifest = node.type('cnc_msgs/msg/CompensatedPath')(
             program_id='bare', revision=1, element_count=count * each, chunk_count=count,
@@ -344,10 +335,8 @@ def join_late(arguments):
     """A process that comes late for a path: prints when the manifest and the whole path had arrived."""
     where = Where(arguments.namespace, arguments.domain_id, arguments.port)
     prefix = arguments.prefix.strip('-')
-    # Python reads classes and generates code on first use; a client has done so before.
     kind = NODES[arguments.middleware]
-    for name in ('cnc_msgs/msg/CompensatedPath', 'cnc_msgs/srv/GetPathChunks'):
-        kind.type(name)
+    kind.prepare('cnc_msgs/msg/CompensatedPath', 'cnc_msgs/srv/GetPathChunks')
     begin = time.perf_counter()
     node = kind('late', where)
     manifest = node.latched('cnc_msgs/msg/CompensatedPath', f'{prefix}compensated_path')
@@ -361,7 +350,7 @@ def join_late(arguments):
         arrived = time.perf_counter()
         for chunk in answer.chunks:
             assert (chunk.index, chunk.first_element) == (index, elements)
-            body = body_of(node, chunk)
+            body = node.body(chunk)
             assert zlib.crc32(body) == chunk.crc32, f'chunk {index} is damaged'
             whole.update(body)
             elements, index, size = elements + len(chunk.elements), index + 1, size + len(body)
