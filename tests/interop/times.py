@@ -43,6 +43,7 @@ def main():
     role.add_argument('--holds', type=int, default=100)
     role.add_argument('--lines', type=int, default=100_000, help='of the program that is held')
     role.add_argument('--paths', default='100000x3,1000000x1', help='elements, and how often each')
+    role.add_argument('--also', action='store_true', help='add to the figures that the file has')
     role.set_defaults(run=measure)
     role = roles.add_parser('table')
     role.add_argument('files', type=Path, nargs='+')
@@ -100,17 +101,20 @@ class Measured:
 def measure(arguments):
     middleware = arguments.middleware
     made = Measured(middleware)
-    made.results['begin'] = time.strftime('%Y-%m-%d %H:%M')
+    if arguments.also:
+        made.results = json.loads(arguments.out.read_text())
+    made.results.setdefault('begin', time.strftime('%Y-%m-%d %H:%M'))
     with router(middleware) as (port, variables):
         machine = Machine(time_factor=1, rmw=RMW[middleware], variables=variables)
         where = Where(machine.namespace, machine.domain_id, port)
         try:
             rig = Rig(made, machine, where, middleware)
             rig.until_idle()
-            program_id = rig.load(arguments.lines)
             with rig.bare('0'):
-                rig.round_trips(arguments.calls)
-                rig.holds(arguments.holds, program_id)
+                if arguments.calls:
+                    rig.round_trips(arguments.calls)
+                if arguments.holds:
+                    rig.holds(arguments.holds, rig.load(arguments.lines))
             for words in filter(None, arguments.paths.split(',')):
                 elements, times = map(int, words.split('x'))
                 rig.load(elements)
