@@ -109,7 +109,6 @@ def measure(arguments):
         where = Where(machine.namespace, machine.domain_id, port)
         try:
             rig = Rig(made, machine, where, middleware)
-            rig.until_idle()
             with rig.bare('0'):
                 if arguments.calls:
                     rig.round_trips(arguments.calls)
@@ -135,6 +134,8 @@ class Rig:
 
     def __init__(self, made, machine, where, middleware):
         self.made, self.machine, self.where, self.middleware = made, machine, where, middleware
+        self.until_idle()
+        # After the nodes: see "Middlewares" in docs/performance.md.
         self.caller = NODES[middleware]('cell', where)
 
     def child(self, role, prefix):
@@ -302,7 +303,8 @@ def holds_written(bag):
 def serve(arguments):
     """The bare node: answers calls, and has a path of as many elements in chunks as long as Kerf's."""
     where = Where(arguments.namespace, arguments.domain_id, arguments.port)
-    node = NODES[arguments.middleware]('bare', where)
+    # Not `bare`: a node of rclpy has services of its own below its name.
+    node = NODES[arguments.middleware]('answers', where)
     elements = int(arguments.prefix)
     value = node.type('rcl_interfaces/msg/ParameterValue')(type=2, integer_value=BAUD)
     answers = {name: node.type(name).Response for name in (
