@@ -72,9 +72,13 @@ def say(text):
 class Measured:
     """All that is measured on one middleware."""
 
-    def __init__(self, middleware):
+    def __init__(self, middleware, out):
+        self._out = out
         self.results = {'middleware': middleware, 'loads': [], 'failures': [],
                         'round_trip': {}, 'hold': {}, 'path': {}}
+
+    def keep(self):
+        self._out.write_text(json.dumps(self.results))
 
     def series(self, part, name):
         return self.results[part].setdefault(name, [])
@@ -100,7 +104,7 @@ class Measured:
 
 def measure(arguments):
     middleware = arguments.middleware
-    made = Measured(middleware)
+    made = Measured(middleware, arguments.out)
     if arguments.also:
         made.results = json.loads(arguments.out.read_text())
     made.results.setdefault('begin', time.strftime('%Y-%m-%d %H:%M'))
@@ -124,7 +128,7 @@ def measure(arguments):
             raise
         finally:
             made.results['loads'].append(load_of_host())
-            arguments.out.write_text(json.dumps(made.results))
+            made.keep()
             machine.stop()
     os._exit(0)
 
@@ -237,6 +241,7 @@ class Rig:
                     assert joined['elements'] >= elements, joined
                     kinds[name].append(joined)
                     say(f'path of {elements}, {name}: {joined}')
+                    self.made.keep()
 
     def late(self, prefix):
         with Ended(self.child('late', prefix)) as child:
@@ -382,7 +387,7 @@ def table(results):
             ['---'] * (1 + 2 * len(results))]
 
     def row(name, pairs):
-        rows.append([name, *('' if it is None else f'{it:.2f}' for pair in pairs for it in pair)])
+        rows.append([name, *('' if it is None or math.isnan(it) else f'{it:.2f}' for pair in pairs for it in pair)])
     for part in (0.5, 0.99, 1.0):
         name = 'most' if part == 1 else f'p{part * 100:.0f}'
         row(f'round trip of a service, {name}, ms',
