@@ -8,6 +8,7 @@ test; messages are those of `ros2`, and their hashes those of `rosbags`.
 import itertools
 import queue
 import struct
+import threading
 import time
 
 import xxhash
@@ -115,6 +116,9 @@ class Node:
     def client(self, type_name, name, type_hash=None):
         return Client(self, interfaces.service(type_name), self.resolve(name), type_hash)
 
+    def service(self, type_name, name, handler):
+        return Service(self, interfaces.service(type_name), self.resolve(name), handler)
+
 
 class Publisher:
     """`node.create_publisher`."""
@@ -190,6 +194,7 @@ class Client(Calling):
         self._gid = node.announce('SC', name, kind.name, type_hash)
         self._numbers = itertools.count(1)
         self._answers = {}
+        self._has_answered = threading.Event()
 
     def is_ready(self):
         """As `service_is_ready`, and the way there is known, too."""
@@ -207,9 +212,32 @@ class Client(Calling):
             count, _, length, gid = struct.unpack('<qqB16s', it.ok.attachment.to_bytes())
             assert (count, length, gid) == (number, 16, self._gid)
             self._answers[number] = self.kind.Response.deserialize(it.ok.payload.to_bytes())
+            self._has_answered.set()
         self._querier.get(reply, payload=body.serialize(), attachment=attachment(number, self._gid))
         return number
 
     def answer(self, number):
         """The answer to this request if it is there."""
         return self._answers.get(number)
+
+    def block(self, timeout):
+        """Sleeps until there is an answer."""
+        self._has_answered.wait(timeout)
+        self._has_answered.clear()
+
+
+class Service:
+    """`node.create_service`; answers on a thread of the library."""
+
+    def __init__(self, node, kind, name, handler):
+        self.kind, self._handler = kind, handler
+        self._queryable = node.session.declare_queryable(
+            node.key(name, kind.name), self._serve, complete=True)
+        node.announce('SS', name, kind.name, interfaces.type_hash(kind.name))
+
+    def _serve(self, query):
+        number, _, length, gid = struct.unpack('<qqB16s', query.attachment.to_bytes())
+        assert length == 16
+        with query:
+            answer = self._handler(self.kind.Request.deserialize(query.payload.to_bytes()))
+            query.reply(query.key_expr, answer.serialize(), attachment=attachment(number, gid))

@@ -4,16 +4,12 @@ Run by `.ci/ros`, with the Python that has ROS 2; the parent folder has the mach
 """
 
 import os
-import time
 
 import pytest
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 
 from machine import Machine
-
-# How long anything may take; generous, machines are slow.
-TIMEOUT = 60.0
+from rclpy_peer import Peer
 
 
 @pytest.fixture(scope='session')
@@ -31,47 +27,6 @@ def context(machine):
     rclpy.init(context=made)
     yield made
     rclpy.shutdown(context=made)
-
-
-class Peer:
-    """A node in the namespace of the machine, and how to wait with it."""
-
-    def __init__(self, context, namespace, name='cell'):
-        self.node = rclpy.create_node(name, context=context, namespace=namespace)
-        self.executor = SingleThreadedExecutor(context=context)
-        self.executor.add_node(self.node)
-
-    def until(self, what, look, timeout=TIMEOUT):
-        """Spins until `look` returns something that is true, and returns it."""
-        end = time.monotonic() + timeout
-        while True:
-            found = look()
-            if found:
-                return found
-            assert time.monotonic() < end, f'{what}: not within {timeout} s'
-            self.executor.spin_once(timeout_sec=0.05)
-
-    def result(self, what, future, timeout=TIMEOUT):
-        self.until(what, future.done, timeout)
-        return future.result()
-
-    def call(self, kind, service, /, **fields):
-        """Asks a service."""
-        client = self.node.create_client(kind, service)
-        self.until(f'the service {service}', client.service_is_ready)
-        answer = self.result(f'an answer of {service}', client.call_async(kind.Request(**fields)))
-        self.node.destroy_client(client)
-        return answer
-
-    def listen(self, kind, topic, qos):
-        """The messages of a topic, as a list that grows."""
-        heard = []
-        self.node.create_subscription(kind, topic, heard.append, qos)
-        return heard
-
-    def close(self):
-        self.executor.shutdown()
-        self.node.destroy_node()
 
 
 @pytest.fixture

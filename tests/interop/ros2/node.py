@@ -12,7 +12,8 @@ import functools
 import os
 import time
 
-from cyclonedds.core import Policy, Qos as Policies
+from cyclonedds.core import (
+    InstanceState, Policy, Qos as Policies, ReadCondition, SampleState, ViewState, WaitSet)
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
@@ -208,6 +209,21 @@ class Node:
             node_namespace=self.namespace, node_name=self.name,
             reader_gid_seq=[_gid(reader) for reader in self._readers],
             writer_gid_seq=[_gid(writer) for writer in self._writers])
+
+
+class Arrivals:
+    """Sleeps until something arrives at one of some readers, where polling is too slow."""
+
+    def __init__(self, participant, *readers):
+        self._set = WaitSet(participant)
+        self._conditions = [
+            ReadCondition(reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
+            for reader in readers]
+        for condition in self._conditions:
+            self._set.attach(condition)
+
+    def wait(self, timeout):
+        self._set.wait(duration(seconds=timeout))
 
 
 class Publisher:

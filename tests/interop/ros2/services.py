@@ -4,14 +4,19 @@ Each request and each reply begins with sixteen bytes: who asks, and the number 
 request. A client takes the replies that are its own and lets all others pass.
 """
 
+import functools
 import itertools
+import time
 
 from . import interfaces
-from .node import TIMEOUT, SERVICES, until
+from .node import TIMEOUT, SERVICES, Arrivals, NoAnswer, until
 
 
 class Calling:
-    """Calls a service, whatever carries it: needs `name`, `is_ready`, `send` and `answer`."""
+    """Calls a service, whatever carries it: needs `name`, `is_ready`, `send`, `answer` and `_answers`.
+
+    `call_at_once` needs `block`, too.
+    """
 
     def wait_for_service(self, timeout=TIMEOUT):
         until(f'the service {self.name}', self.is_ready, timeout)
@@ -24,6 +29,16 @@ class Calling:
         """`client.call`: asks and waits for the answer."""
         self.wait_for_service()
         return self.wait(self.send(request, **fields), timeout)
+
+    def call_at_once(self, timeout=TIMEOUT, **fields):
+        """`call` that sleeps until the answer arrives, for measuring times. Needs a ready service."""
+        number, end = self.send(**fields), time.monotonic() + timeout
+        while self.answer(number) is None:
+            left = end - time.monotonic()
+            if left <= 0:
+                raise NoAnswer(f'an answer of {self.name}: not within {timeout} s')
+            self.block(left)
+        return self._answers.pop(number)
 
 
 class Client(Calling):
@@ -63,6 +78,14 @@ class Client(Calling):
                 self._answers[reply.sequence] = reply.body
         return self._answers.get(number)
 
+    @functools.cached_property
+    def _arrivals(self):
+        return Arrivals(self._replies.participant, self._replies)
+
+    def block(self, timeout):
+        """Sleeps until there are replies."""
+        self._arrivals.wait(timeout)
+
 
 class Service:
     """`node.create_service`; answers when it is looked after."""
@@ -83,3 +106,12 @@ class Service:
             self._replies.write(self._reply_kind(
                 client=request.client, sequence=request.sequence, body=body))
         return len(requests)
+
+
+def serve_forever(node, *services):
+    """Answers at once, as `rclpy.spin` does."""
+    arrivals = Arrivals(node.participant, *(service._requests for service in services))
+    while True:
+        arrivals.wait(3600)
+        for service in services:
+            service.serve()
