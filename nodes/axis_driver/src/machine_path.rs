@@ -193,9 +193,13 @@ impl MachinePath {
         let up = [here[0], here[1], Some(height_mm)];
         let over = [x, y, Some(height_mm)];
         let z_alone = AxisSet::NONE.with(2);
-        let moved = |from, to, axes| {
-            let (frame, feed_mm_per_min) = (MoveFrame::Machine("the way to the beginning"), None);
-            let arc = None;
+        let (system, offset) = (self.system, self.offset());
+        let moved = |from, to, axes: AxisSet| {
+            let frame = match axes == z_alone && to == up {
+                true => MoveFrame::Machine("the way to the beginning"),
+                false => MoveFrame::Work { system, offset },
+            };
+            let (arc, feed_mm_per_min) = (None, None);
             MachineMove {
                 from,
                 to,

@@ -53,7 +53,11 @@ fn check(blow: Blow) {
     let face = cell.machine.face().expect("a face");
     let driver = cell.machine.node("axis_driver");
     blow.strike(face);
-    let next = until("another face", || cell.machine.face().filter(|next| *next != face));
+    let next = match blow {
+        // It hears as before.
+        Blow::StoppedAndContinued => face,
+        _ => until("another face", || cell.machine.face().filter(|next| *next != face)),
+    };
     // A button finds the new face, and the machine obeys.
     cell.commander.press_again("feed_hold").expect("the driver holds");
     let held = cell.commander.until_mode("HOLD");
@@ -67,7 +71,7 @@ fn check(blow: Blow) {
     let result = cell.result(run);
     assert_eq!(result.outcome, RunProgramResult::OUTCOME_CANCELED, "{result:?}");
     assert_eq!(cell.machine.node("axis_driver"), driver, "the motion process is the same");
-    assert_eq!(cell.machine.face(), Some(next), "one other face was enough");
+    assert_eq!(cell.machine.face(), Some(next), "no other face came");
     let bag = cell.machine.until_bags(1).remove(0);
     let states = messages::<MachineState>(&bag);
     let last = states.last().expect("states were recorded");
@@ -271,7 +275,7 @@ fn a_face_that_is_stopped_in_a_run_is_replaced_and_the_goal_ends_under_its_id() 
 }
 
 #[test]
-fn a_face_that_is_stopped_and_continued_is_replaced_if_it_is_deaf() {
+fn a_face_that_is_stopped_and_continued_in_a_run_goes_on() {
     check(Blow::StoppedAndContinued);
 }
 

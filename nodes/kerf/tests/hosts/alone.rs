@@ -72,6 +72,26 @@ fn with_subnet_the_same_counter_sees_the_nodes() {
     until("a group", || host.proc_net("igmp").contains("0100FFEF").then_some(()));
 }
 
+#[test]
+fn an_idle_machine_is_quiet() {
+    let Some(host) = Host::new() else { return };
+    let folder = Folder::new();
+    let _machine = machine(&host, "", &folder);
+    // What its nodes have to find out of each other is over.
+    std::thread::sleep(Duration::from_secs(3));
+    let sent = || {
+        let counters = host.proc_net("snmp");
+        let udp = counters.lines().filter_map(|line| line.strip_prefix("Udp: ")).nth(1);
+        let out = udp.and_then(|values| values.split(' ').nth(3));
+        out.and_then(|count| count.parse::<u64>().ok()).expect("OutDatagrams")
+    };
+    let (before, began) = (sent(), std::time::Instant::now());
+    std::thread::sleep(Duration::from_secs(5));
+    let a_second = (sent() - before) as f64 / began.elapsed().as_secs_f64();
+    // It was some 900 while discovery never came to rest.
+    assert!(a_second < 300.0, "{a_second:.0} packets a second");
+}
+
 /// Sends a packet to each port and reports which are closed, on request.
 #[test]
 #[allow(clippy::print_stdout, reason = "what it found")]

@@ -11,7 +11,9 @@ use log::{debug, error, trace, warn};
 
 use crate::{
   dds::{ddsdata::DDSData, with_key::datawriter::WriteOptions},
-  structure::{cache_change::CacheChange, guid::GUID, sequence_number::SequenceNumber},
+  structure::{
+    cache_change::CacheChange, guid::GUID, sequence_number::SequenceNumber, time::Timestamp,
+  },
 };
 
 /// Result of an admission attempt into the [`WriterSendBuffer`].
@@ -268,6 +270,11 @@ impl WriterSendBuffer {
     may_block: bool,
   ) -> SequenceNumber {
     let seq = inner.last_seq.plus_1();
+    // Kerf: Fast DDS keeps what it receives in the order of its times, and passes over samples of which a later one
+    // comes first. Those of discovery had none.
+    let now = Timestamp::now();
+    let last = inner.changes.last_key_value().and_then(|(_, last)| last.write_options.source_timestamp());
+    let write_options = write_options.stamped(last.map_or(now, |last| max(last, now)));
     let cc = CacheChange::new(shared.writer_guid, seq, write_options, data);
     inner.changes.insert(seq, cc);
     inner.last_seq = seq;

@@ -130,6 +130,12 @@ impl WriteOptions {
     self.source_timestamp
   }
 
+  // Kerf: a sample without a time of its own is of this one.
+  pub(crate) fn stamped(mut self, now: Timestamp) -> Self {
+    self.source_timestamp.get_or_insert(now);
+    self
+  }
+
   pub fn to_single_reader(&self) -> Option<GUID> {
     self.to_single_reader
   }
