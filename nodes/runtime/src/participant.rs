@@ -14,6 +14,7 @@ use crate::rustdds::dds_watch;
 use crate::rustdds::dropped_publishers::DroppedPublishers;
 use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
 use crate::rustdds::sockets::{confine_since, open_sockets};
+use crate::rustdds::type_hashes;
 use crate::samples::qos::Qos;
 use crate::session::Joined;
 use ros2_client::{Context, NodeName, NodeOptions};
@@ -114,6 +115,7 @@ fn build(
     environment: &Environment,
     enclave: Option<&Path>,
 ) -> Result<DomainParticipant, NodeError> {
+    type_hashes::announce();
     let builder = DomainParticipantBuilder::new(environment.domain_id);
     let builder = match environment.range {
         DiscoveryRange::Subnet => builder,

@@ -68,6 +68,40 @@ def test_who_comes_late_gets_all_that_is_latched(peer, kind, topic):
     peer.until(topic, lambda: heard)
 
 
+def test_who_comes_late_gets_the_newest_alone(peer):
+    for number in range(4):
+        newest = load(peer, SLOW, f'part_{number}.ngc').program_id
+    heard = peer.listen(Program, 'program', EVERY_STATE)
+    peer.until('the program', lambda: heard)
+    end = time.monotonic() + 1
+    peer.until('a second', lambda: time.monotonic() > end)
+    assert [it.program_id for it in heard] == [newest]
+
+
+def test_type_hashes_are_those_of_rclpy(machine, peer):
+    def hashes(infos):
+        for info in infos:
+            assert info.topic_type_hash.version == 1, info
+        return {bytes(info.topic_type_hash.value) for info in infos}
+    node = peer.node
+    for kind, topic in ((MachineState, 'machine_state'), (Program, 'program')):
+        # Of another middleware than those of Kerf's publisher.
+        node.create_subscription(kind, topic, lambda _: None, LATCHED)
+        name = f'{machine.namespace}/{topic}'
+        peer.until('the publisher', lambda: node.get_publishers_info_by_topic(name))
+        theirs = hashes(node.get_publishers_info_by_topic(name))
+        assert theirs == hashes(node.get_subscriptions_info_by_topic(name)) and len(theirs) == 1
+    for kind, service in ((Trigger, 'feed_hold'), (LoadProgram, 'load_program')):
+        client = node.create_client(kind, service)
+        peer.until('the service', client.service_is_ready)
+        for name, ask in (('rq{}Request', node.get_subscriptions_info_by_topic),
+                          ('rr{}Reply', node.get_publishers_info_by_topic)):
+            name = name.format(f'{machine.namespace}/{service}')
+            both = (node.get_publishers_info_by_topic, node.get_subscriptions_info_by_topic)
+            assert hashes(ask(name, no_mangle=True))
+            assert len(set.union(*(hashes(it(name, no_mangle=True)) for it in both))) == 1, name
+
+
 def test_the_recorder_is_named_as_a_subscriber(machine, peer):
     topic = f'{machine.namespace}/machine_state'
 

@@ -1,4 +1,4 @@
-//! Workarounds for faults of the DDS layer, one file for each.
+//! Workarounds for faults of the DDS layer, one file for each, and what our copy of it is asked for.
 //!
 //! Uses `process` and `parameters`. Belongs here: code that can be removed when RustDDS or
 //! ros2-client is mended; each file names its page in `docs/upstream/`, whose table says what may
@@ -13,3 +13,4 @@ pub(crate) mod padded;
 pub(crate) mod panics;
 pub(crate) mod received;
 pub(crate) mod sockets;
+pub(crate) mod type_hashes;

@@ -53,6 +53,20 @@ use crate::no_security::EndpointSecurityInfo;
 #[cfg(test)]
 use crate::structure::guid::EntityKind;
 
+/// Kerf: what is announced as user data of an endpoint, by the DDS name of its type.
+pub type UserDataOfType = fn(&str) -> Option<Vec<u8>>;
+
+static USER_DATA_OF_TYPE: std::sync::OnceLock<UserDataOfType> = std::sync::OnceLock::new();
+
+/// Kerf: lets the endpoints of this process announce user data. The first call counts.
+pub fn announce_user_data(of: UserDataOfType) {
+  let _ = USER_DATA_OF_TYPE.set(of);
+}
+
+fn user_data_of(type_name: &str) -> Option<Vec<u8>> {
+  USER_DATA_OF_TYPE.get()?(type_name)
+}
+
 // We need a wrapper to distinguish between Participant and Endpoint GUIDs.
 // They need to be distinguished, because the PL_CDR serialization is different:
 // ParameterId is different.
@@ -498,7 +512,7 @@ impl ParameterListable for DiscoveredReaderData {
           security_info,
         },
       content_filter,
-      user_data: _,
+      user_data,
     } = self;
 
     let mut pl = ParameterList::new();
@@ -551,6 +565,12 @@ impl ParameterListable for DiscoveredReaderData {
     emit_option!(PID_PARTICIPANT_GUID, participant_key, GUID);
     emit!(PID_TOPIC_NAME, &topic_name.clone().into(), StringWithNul);
     emit!(PID_TYPE_NAME, &type_name.clone().into(), StringWithNul);
+    // Kerf: what the application announces of its type.
+    let announced = match user_data.as_slice() {
+      [] => user_data_of(type_name),
+      _ => None,
+    };
+    emit_option!(PID_USER_DATA, &announced, Vec<u8>);
     pl.parameters.append(&mut qos.to_parameter_list(ctx)?);
     emit_option!(
       PID_SERVICE_INSTANCE_NAME,
@@ -956,7 +976,7 @@ impl ParameterListable for DiscoveredWriterData {
           #[cfg(feature = "security")]
           security_info,
         },
-      user_data: _,
+      user_data,
     } = self;
 
     let mut pl = ParameterList::new();
@@ -1009,6 +1029,12 @@ impl ParameterListable for DiscoveredWriterData {
     emit_option!(PID_PARTICIPANT_GUID, participant_key, GUID);
     emit!(PID_TOPIC_NAME, &topic_name.clone().into(), StringWithNul);
     emit!(PID_TYPE_NAME, &type_name.clone().into(), StringWithNul);
+    // Kerf: what the application announces of its type.
+    let announced = match user_data.as_slice() {
+      [] => user_data_of(type_name),
+      _ => None,
+    };
+    emit_option!(PID_USER_DATA, &announced, Vec<u8>);
     pl.parameters.append(&mut qos.to_parameter_list(ctx)?);
     emit_option!(
       PID_SERVICE_INSTANCE_NAME,
