@@ -114,7 +114,6 @@ impl Context {
         }
     }
 
-    /// Gives what the controller reported about itself.
     /// Asks for the stored offsets: those that the driver has may be old.
     pub(super) fn ask_offsets(&mut self) {
         self.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::OffsetsAnew);
@@ -144,6 +143,7 @@ impl Context {
         }
     }
 
+    /// Gives what the controller reported about itself.
     pub(super) fn publish_settings(&mut self) {
         let machine = &self.machine;
         let settings = ControllerSettings {
