@@ -198,7 +198,7 @@ impl Envelope {
     fn approach(&mut self, path: &CompensatedPath) {
         let Some(Approach { height_mm, axes }) = self.beginning.approach.take() else { return };
         let Some(first) = path.elements.get(self.beginning.element) else { return };
-        let way = self.walk.from_above(self.start, height_mm, axes, first.source);
+        let way = self.walk.way_from_above(self.start, height_mm, axes, first.source);
         way.iter().filter(|it| !it.axes.is_empty()).for_each(|it| self.see(it));
     }
 

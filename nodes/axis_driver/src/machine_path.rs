@@ -177,7 +177,7 @@ impl MachinePath {
 
     /// The way of the tool from `here` to the place that the path has come to: up to a height in the
     /// machine frame, over the place in these axes, and down to it.
-    pub(crate) fn from_above(
+    pub(crate) fn way_from_above(
         &self,
         here: Known,
         height_mm: f64,
