@@ -102,18 +102,6 @@ fn command(words: &str, domain_id: u16) -> Command {
     command
 }
 
-/// Reads the console until a text appears, and returns what was read.
-fn received(child: &mut Child, part: &str) -> String {
-    let console = child.stderr.as_mut().expect("a pipe");
-    let mut text = Vec::new();
-    while !String::from_utf8_lossy(&text).contains(part) {
-        let mut byte = [0];
-        assert_eq!(console.read(&mut byte).expect("the console"), 1, "it ended");
-        text.push(byte[0]);
-    }
-    String::from_utf8_lossy(&text).into_owned()
-}
-
 fn signal(child: &Child, name: &str) {
     let status = Command::new("kill").args([name, &child.id().to_string()]).status();
     assert!(status.expect("kill").success());
