@@ -11,7 +11,6 @@ use common::{Count, PATIENCE, Text, domain, namespace, soon, start};
 use runtime::parameters::Declared;
 use runtime::supervision::{PANICKED, TOO_LARGE};
 use runtime::{Handle, NodeError, Qos};
-use std::io::Read;
 use std::net::UdpSocket;
 use std::os::unix::net::UnixDatagram;
 use std::process::{Child, Command, Output, Stdio};
