@@ -139,7 +139,6 @@ class Rig:
     def __init__(self, made, machine, where, middleware):
         self.made, self.machine, self.where, self.middleware = made, machine, where, middleware
         self.until_idle()
-        # After the nodes: see "Middlewares" in docs/performance.md.
         self.caller = NODES[middleware]('cell', where)
 
     def child(self, role, prefix):

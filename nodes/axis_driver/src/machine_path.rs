@@ -184,9 +184,8 @@ impl MachinePath {
         axes: AxisSet,
         source: Source,
     ) -> [MachineMove; 3] {
-        let Self { at, tool, tool_length_mm, .. } = *self;
         let [x, y, z] = std::array::from_fn(|axis| match axes.contains(axis) {
-            true => at[axis],
+            true => self.at[axis],
             false if axis == 2 => Some(height_mm),
             false => here[axis],
         });
@@ -199,18 +198,7 @@ impl MachinePath {
                 true => MoveFrame::Machine("the way to the beginning"),
                 false => MoveFrame::Work { system, offset },
             };
-            let (arc, feed_mm_per_min) = (None, None);
-            MachineMove {
-                from,
-                to,
-                arc,
-                feed_mm_per_min,
-                source,
-                frame,
-                axes,
-                tool_length_mm,
-                tool,
-            }
+            MachineMove { to, ..self.moved(from, None, None, source, frame, axes) }
         };
         [
             moved(here, up, z_alone),
