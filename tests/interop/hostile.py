@@ -1,4 +1,4 @@
-"""Packets of RTPS that the DDS layer of the nodes cannot handle, as a hostile or broken peer
+"""Packets of RTPS with numbers beyond all measure, as a hostile or broken peer
 sends them on the loopback interface: see docs/upstream."""
 
 import socket

@@ -161,7 +161,7 @@ def test_a_node_that_takes_too_much_memory_is_restarted(stack):
     load(node, text=QUICK, name='quick.ngc')
 
 
-def test_packets_that_the_dds_layer_cannot_handle_cost_restarts_and_no_more(launched, tmp_path):
+def test_packets_with_numbers_beyond_all_measure_end_no_node(launched, tmp_path):
     namespace, environment, started = launched
     log = tmp_path / 'log'
 
@@ -173,12 +173,10 @@ def test_packets_that_the_dds_layer_cannot_handle_cost_restarts_and_no_more(laun
     until(is_idle)
     for name, make in hostile.PACKETS.items():
         hostile.send(domain(), make)
-        # What a packet does, it does in this time; what hangs is given five seconds.
+        # A node that hangs would be given five seconds.
         time.sleep(6)
         until(is_idle)
-        assert all(process.poll() is None for process in started), (name, log.read_text())
-    # The first of them ends every node that it reaches.
-    assert log.read_text().count(' ended (') >= len(NODES), log.read_text()
+        assert ' ended (' not in log.read_text(), (name, log.read_text())
     with Node('cell', namespace, domain()) as node:
         until_state(node, MachineState.STATE_IDLE)
         until_active(node)

@@ -6,20 +6,16 @@ use crate::endpoints::dds::Dds;
 use crate::endpoints::error::{NodeError, failed};
 use crate::endpoints::graph::LOOPBACK_PARTICIPANTS_MAX;
 use crate::endpoints::middleware::Middleware;
-use crate::process::lock;
 use crate::process::shutdown::Shutdown;
 use crate::process::watchdog::{Deafness, EndOfProcess};
-use crate::rustdds::dds_threads::{DdsThreads, dds_threads};
 use crate::rustdds::dds_watch;
 use crate::rustdds::dropped_publishers::DroppedPublishers;
-use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
-use crate::rustdds::sockets::{confine_since, open_sockets};
 use crate::rustdds::type_hashes;
 use crate::samples::qos::Qos;
 use crate::session::Joined;
 use ros2_client::{Context, NodeName, NodeOptions};
-use rustdds::{DomainParticipant, DomainParticipantBuilder};
-use std::net::Ipv4Addr;
+use rustdds::{DomainParticipant, DomainParticipantBuilder, PEERS_MAX};
+use std::net::{IpAddr, Ipv4Addr, ToSocketAddrs};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use tokio::sync::watch;
@@ -33,27 +29,17 @@ pub(crate) fn join(
     (deaf, end): (watch::Sender<Option<Deafness>>, Option<EndOfProcess>),
     shutdown: Shutdown,
 ) -> Result<Joined, NodeError> {
-    let (participant, threads) = participant(environment, enclave)?;
-    if threads.count() == 0 {
-        tracing::warn!("/proc does not show the threads of the DDS layer: nobody watches them");
-    }
-    let watch =
-        dds_watch::start(participant.clone(), environment.domain_id, threads.clone(), deaf, end)
-            .map_err(|error| failed("the thread that watches the DDS layer", &error))?;
-    let endpoint_rate = EndpointRateLimit::new(threads, enclave.is_some());
-    // The context and the node have an endpoint each.
-    let turn = endpoint_rate.turn();
+    let participant = participant(environment, enclave)?;
+    let watch = dds_watch::start(participant.loop_turns(), deaf, end)
+        .map_err(|error| failed("the thread that watches the DDS layer", &error))?;
     let context = Context::from_domain_participant(participant.clone())
         .map_err(|error| failed("the ROS context", &error))?;
     let node_name = NodeName::new(names.namespace(), names.node())
         .map_err(|error| failed("the node", &error))?;
-    drop(turn);
-    let turn = endpoint_rate.turn();
     let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
     let node = context
         .new_node(node_name, options)
         .map_err(|error| failed(&names.fully_qualified(), &error))?;
-    drop(turn);
     let writers = participant
         .create_publisher(&Qos::SERVICES.policies())
         .map_err(|error| failed("the DDS publisher", &error))?;
@@ -61,7 +47,6 @@ pub(crate) fn join(
         node: Mutex::new(Some(node)),
         participant,
         writers,
-        endpoint_rate,
         dropped_publishers: DroppedPublishers::new(shutdown),
         environment: environment.clone(),
     }));
@@ -82,41 +67,13 @@ pub(crate) fn warn_of_too_many_participants(dds: &Dds) {
     }
 }
 
-/// One participant at a time: its sockets and threads are found by comparing before and after.
-static JOINING: Mutex<()> = Mutex::new(());
-
 fn participant(
     environment: &Environment,
     enclave: Option<&Path>,
-) -> Result<(DomainParticipant, DdsThreads), NodeError> {
-    let _alone = lock(&JOINING);
-    let (before, threads_before) = (open_sockets(), dds_threads());
-    let participant = build(environment, enclave)?;
-    let threads = DdsThreads::since(&threads_before);
-    if environment.range != DiscoveryRange::Subnet {
-        match before.and_then(|before| confine_since(&before)) {
-            Ok(count) => tracing::debug!("{count} sockets are bound to the loopback interface"),
-            Err(error) => {
-                return Err(failed(
-                    "a node that only this computer reaches",
-                    &format_args!(
-                        "its sockets cannot be bound to the loopback interface ({error}); in a \
-                         container allow it with --cap-add SYS_PTRACE, or let other computers \
-                         reach it with ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"
-                    ),
-                ));
-            }
-        }
-    }
-    Ok((participant, threads))
-}
-
-fn build(
-    environment: &Environment,
-    enclave: Option<&Path>,
 ) -> Result<DomainParticipant, NodeError> {
-    type_hashes::announce();
-    let builder = DomainParticipantBuilder::new(environment.domain_id);
+    type_hashes::announce_and_compare();
+    let builder = DomainParticipantBuilder::new(environment.domain_id)
+        .with_peers(addresses_of(&environment.static_peers)?);
     let builder = match environment.range {
         DiscoveryRange::Subnet => builder,
         DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
@@ -131,6 +88,26 @@ fn build(
     builder.build().map_err(|error| {
         failed(&format!("a participant in domain {}", environment.domain_id), &error)
     })
+}
+
+/// The IPv4 addresses of computers. One that has none ends the node: it would wait for a peer in vain.
+fn addresses_of(peers: &[String]) -> Result<Vec<Ipv4Addr>, NodeError> {
+    let mut addresses = Vec::new();
+    for peer in peers {
+        let what = || format!("the peer {peer} of ROS_STATIC_PEERS");
+        let found =
+            (peer.as_str(), 0).to_socket_addrs().map_err(|error| failed(&what(), &error))?;
+        let before = addresses.len();
+        addresses.extend(found.filter_map(|address| match address.ip() {
+            IpAddr::V4(address) => Some(address),
+            IpAddr::V6(_) => None,
+        }));
+        if addresses.len() == before {
+            return Err(failed(&what(), &"it has no IPv4 address"));
+        }
+    }
+    addresses.truncate(PEERS_MAX);
+    Ok(addresses)
 }
 
 /// Gives the participant the keys and permissions of its enclave.

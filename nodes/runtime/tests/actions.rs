@@ -25,12 +25,13 @@ fn serve(handle: &Handle) {
             };
             let Some(goal) = offer.accept() else { continue };
             spawner.spawn("goal", async move {
-                let _turn = turn;
                 let mut sequence = vec![0, 1];
                 match goal.goal().order {
-                    -13 => drop(goal),
+                    -13 => drop((turn, goal)),
                     order if order < 0 => {
                         goal.cancel_requested().await;
+                        // Whoever has the result may send the next goal.
+                        drop(turn);
                         goal.end(GoalOutcome::Canceled, Sequence { sequence });
                     }
                     order => {
@@ -39,6 +40,7 @@ fn serve(handle: &Handle) {
                             sequence.push(next);
                             goal.feedback(Partial { sequence: sequence.clone() });
                         }
+                        drop(turn);
                         goal.end(GoalOutcome::Succeeded, Sequence { sequence });
                     }
                 }

@@ -9,7 +9,7 @@
 //! | the loopback interface carries 64 participants, the 65th is not found | `process::a_node_that_others_do_not_find_on_a_computer_says_what_to_do` |
 //! | three files an endpoint: the limit of 1024 is near | `traps::a_node_may_open_more_files_than_a_shell_allows` |
 //! | what was published last is lost when the process ends | `traps::what_a_node_says_last_arrives` |
-//! | an endpoint that is made while others are discovered deadlocks the participant | `crowd` |
+//! | endpoints that are made while others are discovered deadlock the participant | `crowd` |
 //! | a killed peer stays in the graph for 50 s | `a_killed_server_is_distinguished_from_one_that_answers` |
 //! | calls of one client at the same time lose answers | `loopback::eight_calls_at_once_each_get_their_own_answer_in_either_mapping` |
 //! | an action server blocks when two results wait, answers one client, or none | `actions` |
@@ -19,7 +19,7 @@
 //! | the same for the replies to all clients of a service | `a_client_that_hangs_or_dies_leaves_the_others_their_answers` |
 //! | a latched topic gives its first reader all that was ever published | `loopback::a_late_joiner_of_a_latched_topic_gets_the_newest_sample_and_no_other` |
 //! | a request through the wrong mapping is garbage, not an error | `wire::tests::a_request_through_the_wrong_mapping_is_refused` |
-//! | any type is matched by its topic's name | `defence`, `loopback::a_sender_of_another_type_is_counted_and_passed_over` |
+//! | any type is matched by its topic's name | `loopback::a_sender_of_another_type_is_not_heard` |
 
 mod common;
 

@@ -23,8 +23,8 @@ use std::time::{Duration, Instant};
 use support::{CONTOUR, Folder, number};
 
 const NODES: [&str; 4] = ["program_loader", "compensation_planner", "axis_driver", "run_recorder"];
-/// What the kernel refuses a node with the usual bound: 2048 MB, half of it again, and 256 MB.
-const MEMORY_MB_MAX: u64 = 3_328;
+/// More than any node takes that has one small program; they have some 50.
+const AT_REST_MB_MAX: u64 = 300;
 /// Packets of one fuzz run, unless `KERF_FUZZ_PACKETS` says otherwise.
 const FUZZ_PACKETS: usize = 2_000;
 
@@ -166,41 +166,37 @@ fn a_jog_whose_command_was_stopped_and_continued_can_still_be_stopped() {
     assert!(!status.contains("X300.000"), "{status}");
 }
 
+/// Each of them stopped, filled or occupied the DDS layer before it was mended.
 #[test]
-fn a_packet_that_the_dds_layer_cannot_handle_costs_a_restart_and_no_more() {
+fn a_packet_with_numbers_beyond_all_measure_stops_no_node() {
     let machine = Machine::virtual_one(4);
     let domain: u16 = machine.domain.parse().expect("a number");
+    let before = machine.nodes();
+    let prefixes = participants(domain, NODES.len());
     for (name, packet) in PACKETS {
-        let before = machine.nodes();
-        let prefixes = participants(domain, NODES.len());
         let (socket, began) = (socket(), Instant::now());
         for prefix in &prefixes {
             send(&socket, domain, &packet(*prefix));
         }
         let locally = hold_within_a_second(&machine);
-        // What the packet does, it does in this time; what hangs is given five seconds.
-        std::thread::sleep(Duration::from_secs(7));
         let held = until_holdable(&machine);
-        let fell = before.iter().filter(|node| !machine.nodes().contains(node)).count();
         eprintln!(
-            "{name}: {fell} fell, held {locally:.2?} after it without ROS, over ROS {held:.2?} \
-             after {:.2?}",
+            "{name}: held {locally:.2?} after it without ROS, over ROS {held:.2?} after {:.2?}",
             began.elapsed()
         );
-        assert!(
-            fell > 0,
-            "{name} does no harm any more: its report in docs/upstream/ is out of date"
-        );
+        // What hangs would be given five seconds.
+        std::thread::sleep(Duration::from_secs(6));
+        assert_eq!(machine.nodes(), before, "{name}: {}", machine.log());
     }
     until_loadable(&machine);
-    let log = machine.log();
-    for said in ["status 70", "status 101", "memory allocation of", "restarting it"] {
-        assert!(log.contains(said), "{said} is not in\n{log}");
+    for (id, line) in machine.nodes() {
+        let megabytes = resident_mb(id).expect("the node runs");
+        assert!(megabytes < AT_REST_MB_MAX, "{megabytes} MB: {line}");
     }
 }
 
 #[test]
-fn random_packets_never_leave_a_stack_that_does_not_answer() {
+fn random_packets_stop_no_node() {
     let count = std::env::var("KERF_FUZZ_PACKETS").ok().and_then(|text| text.parse().ok());
     let count = count.unwrap_or(FUZZ_PACKETS);
     let seed = std::env::var("KERF_FUZZ_SEED").ok().and_then(|text| text.parse().ok());
@@ -208,6 +204,7 @@ fn random_packets_never_leave_a_stack_that_does_not_answer() {
     let machine = Machine::virtual_one(4);
     let domain: u16 = machine.domain.parse().expect("a number");
     let prefixes: Vec<_> = participants(domain, NODES.len()).into_iter().collect();
+    let before = machine.nodes();
     let socket = socket();
     for number in 0..count {
         send(&socket, domain, &random.packet(&prefixes));
@@ -220,11 +217,11 @@ fn random_packets_never_leave_a_stack_that_does_not_answer() {
     }
     until_holdable(&machine);
     until_loadable(&machine);
+    assert_eq!(machine.nodes(), before, "{}", machine.log());
     for (id, line) in machine.nodes() {
-        // One that has just ended takes nothing.
-        let megabytes = resident_mb(id).unwrap_or(0);
+        let megabytes = resident_mb(id).expect("the node runs");
         eprintln!("{megabytes} MB: {}", &line[..line.len().min(60)]);
-        assert!(megabytes < MEMORY_MB_MAX, "{line}");
+        assert!(megabytes < AT_REST_MB_MAX, "{line}");
     }
 }
 

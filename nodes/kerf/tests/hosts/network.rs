@@ -17,6 +17,8 @@ pub(crate) const RMW: &str = "rmw_fastrtps_cpp";
 pub(crate) struct Host {
     holder: Child,
     rmw: &'static str,
+    /// The other host that its nodes know by address, without multicast.
+    peer: Option<&'static str>,
 }
 
 /// Says why there is no proof; where there has to be one, that is a failure.
@@ -49,7 +51,7 @@ impl Host {
         let out = holder.stdout.take().expect("piped");
         BufReader::new(out).read_line(&mut said).expect("a pipe can be read");
         if said.trim() == "ready" {
-            return Some(Self { holder, rmw: RMW });
+            return Some(Self { holder, rmw: RMW, peer: None });
         }
         let ended = holder.wait_with_output().expect("it has ended");
         let why = String::from_utf8_lossy(&ended.stderr).into_owned();
@@ -59,6 +61,12 @@ impl Host {
     /// Its nodes speak to each other as this middleware does.
     pub(crate) fn speaking(mut self, rmw: &'static str) -> Self {
         self.rmw = rmw;
+        self
+    }
+
+    /// Its nodes know this host and, but for it, keep to their own.
+    pub(crate) fn knowing(mut self, peer: &'static str) -> Self {
+        self.peer = Some(peer);
         self
     }
 
@@ -84,6 +92,9 @@ impl Host {
     pub(crate) fn kerf(&self, range: &str, args: &[&str]) -> Command {
         let mut command = kerf();
         command.env("ROS_AUTOMATIC_DISCOVERY_RANGE", range).args(args);
+        if let Some(peer) = self.peer {
+            command.env("ROS_AUTOMATIC_DISCOVERY_RANGE", "").env("ROS_STATIC_PEERS", peer);
+        }
         if range == SUBNET {
             command.env("RMW_IMPLEMENTATION", self.rmw);
         }

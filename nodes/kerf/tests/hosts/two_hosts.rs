@@ -18,6 +18,10 @@ impl Cell {
     /// `None` where there are no hosts to be had.
     fn new(time_factor: &str, rmw: &'static str) -> Option<Self> {
         let (office, shop) = (Host::new()?.speaking(rmw), Host::new()?.speaking(rmw));
+        Some(Self::of(office, shop, time_factor))
+    }
+
+    fn of(office: Host, shop: Host, time_factor: &str) -> Self {
         office.connect(&shop);
         let folder = Folder::new();
         let link = folder.path().join("controller");
@@ -39,7 +43,7 @@ impl Cell {
         start(&office, &["compensation_planner", "--ros-args", "-p", &table]);
         let cell = Self { office, shop, folder, _nodes: nodes };
         cell.until_status(&cell.office, "IDLE");
-        Some(cell)
+        cell
     }
 
     fn kerf(&self, host: &Host, args: &[&str]) -> Ran {
@@ -84,6 +88,21 @@ fn nodes_on_two_hosts_load_plan_run_and_record() {
         let bag = bag.to_str().expect("a path of ours is UTF-8");
         cell.kerf(&cell.shop, &["bag", "info", bag]).expect(0).says(&["complete:    yes"]);
         assert!(!cell.logs().contains("panicked"), "{}", cell.logs());
+    }
+}
+
+#[test]
+fn nodes_of_hosts_that_name_each_other_need_no_multicast() {
+    for rmw in [RMW, "rmw_cyclonedds_cpp"] {
+        let (Some(office), Some(shop)) = (Host::new(), Host::new()) else { return };
+        let office = office.speaking(rmw).knowing("10.77.0.2");
+        let shop = shop.speaking(rmw).knowing("10.77.0.1");
+        let cell = Cell::of(office, shop, "50");
+        let args = ["run", CONTOUR, "--control", "sinumerik_840c"];
+        cell.kerf(&cell.office, &args).expect(0).says(&["done"]);
+        // What DDS announces by multicast, 239.255.0.1 as this file writes it, is not joined on the cable.
+        let groups = cell.office.proc_net("igmp");
+        assert!(groups.split(PORT).nth(1).is_some_and(|it| !it.contains("0100FFEF")), "{groups}");
     }
 }
 

@@ -24,9 +24,8 @@ pub const HAS_ZENOH: bool = cfg!(feature = "zenoh");
 /// The network interfaces that the node uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DiscoveryRange {
-    /// 127.0.0.1 alone: our default, because a peer that can reach the node can
-    /// move the machine. The node announces itself nowhere else, and its
-    /// sockets are bound to the loopback interface (see `sockets`).
+    /// This computer alone: our default, because a peer that can reach the node can
+    /// move the machine. The kernel drops what comes from elsewhere.
     Localhost,
     /// All interfaces with multicast.
     Subnet,
@@ -41,6 +40,9 @@ pub struct Environment {
     pub domain_id: u16,
     pub range: DiscoveryRange,
     pub mapping: ServiceMapping,
+    /// Names or addresses of computers that are looked for without multicast, and that reach the node also where the
+    /// range is this computer.
+    pub static_peers: Vec<String>,
     /// How a session of Zenoh is opened, where the mapping is that of Zenoh.
     pub zenoh: ZenohSettings,
     /// Who may talk to the node; none: every peer in reach.
@@ -64,6 +66,7 @@ impl Default for Environment {
             domain_id: 0,
             range: DiscoveryRange::Localhost,
             mapping: ServiceMapping::Enhanced,
+            static_peers: Vec::new(),
             zenoh: ZenohSettings::default(),
             security: None,
             warnings: Vec::new(),
@@ -130,13 +133,19 @@ impl Environment {
         }
 
         if let Some(value) = get("ROS_STATIC_PEERS") {
-            return Err(refuse(
-                "ROS_STATIC_PEERS",
-                value,
-                "peers by address are not supported; unset it, and use \
-                 ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET on a network with multicast, or a router of \
-                 Zenoh (RMW_IMPLEMENTATION=rmw_zenoh_cpp)",
-            ));
+            let peers = value.split(';').map(str::trim).filter(|peer| !peer.is_empty());
+            found.static_peers = peers.map(str::to_owned).collect();
+            if found.static_peers.len() > rustdds::PEERS_MAX {
+                let reason = format!("at most {} peers are possible", rustdds::PEERS_MAX);
+                return Err(refuse("ROS_STATIC_PEERS", value, &reason));
+            }
+            if found.range == DiscoveryRange::Off {
+                found.warnings.push(
+                    "ROS_STATIC_PEERS has no effect with ROS_AUTOMATIC_DISCOVERY_RANGE=OFF"
+                        .to_owned(),
+                );
+                found.static_peers.clear();
+            }
         }
 
         match get("RMW_IMPLEMENTATION") {
@@ -286,8 +295,14 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_done_is_refused_not_ignored() {
-        assert!(read(&[("ROS_STATIC_PEERS", "10.0.0.1")]).is_err());
+    fn peers_are_a_list() {
+        let peers = |value| read(&[("ROS_STATIC_PEERS", value)]).map(|found| found.static_peers);
+        assert_eq!(peers(" 10.0.0.2; mill;").expect("valid"), ["10.0.0.2", "mill"]);
+        let many = "10.0.0.2;".repeat(rustdds::PEERS_MAX + 1);
+        assert!(peers(&many).expect_err("too many").to_string().contains("at most"));
+        let off = [("ROS_STATIC_PEERS", "10.0.0.2"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")];
+        let off = read(&off).expect("valid");
+        assert!(off.static_peers.is_empty() && off.warnings.len() == 1, "{off:?}");
     }
 
     #[test]

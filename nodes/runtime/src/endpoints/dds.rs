@@ -14,7 +14,6 @@ use crate::endpoints::wire::{padded, service_topics, service_types};
 use crate::process::lock;
 use crate::process::time::RosTime;
 use crate::rustdds::dropped_publishers::DroppedPublishers;
-use crate::rustdds::endpoint_rate_limit::EndpointRateLimit;
 use crate::rustdds::padded::Padded;
 use crate::rustdds::received::AsReceived;
 use crate::samples::gid::Gid;
@@ -37,7 +36,6 @@ pub(crate) struct Dds {
     /// Makes the writers that ros2-client cannot make.
     pub(crate) writers: rustdds::Publisher,
     /// Limits how fast endpoints are made.
-    pub(crate) endpoint_rate: EndpointRateLimit,
     pub(crate) dropped_publishers: DroppedPublishers,
     pub(crate) environment: Environment,
 }
@@ -179,7 +177,6 @@ impl Dds {
         qos: Qos,
         make: impl FnOnce(&Topic) -> Result<R, NodeError>,
     ) -> Result<R, NodeError> {
-        let _turn = self.endpoint_rate.turn();
         let topic = self
             .participant
             .create_topic(topic.to_owned(), dds_type.to_owned(), &qos.policies(), TopicKind::NoKey)

@@ -51,9 +51,15 @@ pub(crate) fn end_on_panic(logger: &str) {
     }));
 }
 
-/// Whether a panic on this thread is expected and caught.
-pub(crate) fn is_caught() -> bool {
-    IS_CAUGHT.get()
+/// From now on a panic of any thread ends this command.
+pub fn end_command_on_panic() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !IS_CAUGHT.get() {
+            usual(panic);
+            std::process::exit(i32::from(PANICKED));
+        }
+    }));
 }
 
 fn panicked(panic: &PanicHookInfo<'_>) -> String {

@@ -4,13 +4,9 @@
 //! ros2-client is mended; each file names its page in `docs/upstream/`, whose table says what may
 //! go then. Does not belong here: what every DDS layer would need (`endpoints`).
 
-pub(crate) mod dds_threads;
 pub(crate) mod dds_watch;
 pub(crate) mod dropped_publishers;
-pub(crate) mod endpoint_rate_limit;
 pub(crate) mod memory_bound;
 pub(crate) mod padded;
-pub(crate) mod panics;
 pub(crate) mod received;
-pub(crate) mod sockets;
 pub(crate) mod type_hashes;

@@ -10,7 +10,10 @@
 
 use std::{
   collections::BTreeMap,
-  sync::{mpsc, Arc, OnceLock},
+  sync::{
+    atomic::{AtomicU64, Ordering},
+    mpsc, Arc, OnceLock,
+  },
   time::{Duration, Instant},
 };
 
@@ -24,13 +27,21 @@ use crate::structure::guid::EntityId;
 #[derive(Clone)]
 pub(crate) struct LoopWaker {
   slot: Arc<OnceLock<Waker>>,
+  // Kerf: how often its loop has come to wait.
+  turns: Arc<AtomicU64>,
 }
 
 impl LoopWaker {
   pub(crate) fn new() -> Self {
     Self {
       slot: Arc::new(OnceLock::new()),
+      turns: Arc::default(),
     }
+  }
+
+  /// Kerf: called each time around the loop.
+  pub(crate) fn count_turn(&self) {
+    self.turns.fetch_add(1, Ordering::Relaxed);
   }
 
   /// Register the single waker of `poll` under `token`. Debug builds assert this
@@ -49,6 +60,25 @@ impl LoopWaker {
         log::debug!("LoopWaker::wake: {e}");
       }
     }
+  }
+}
+
+/// Kerf: shows whether the threads of a participant still go round, without a lock of theirs.
+#[derive(Clone)]
+pub struct LoopTurns {
+  pub(crate) event_loop: LoopWaker,
+  pub(crate) discovery: LoopWaker,
+}
+
+impl LoopTurns {
+  /// How often the event loop, which receives, and the loop of discovery have gone round; gives each a reason to do so
+  /// again.
+  pub fn count_and_wake(&self) -> [u64; 2] {
+    [&self.event_loop, &self.discovery].map(|waker| {
+      let turns = waker.turns.load(Ordering::Relaxed);
+      waker.wake();
+      turns
+    })
   }
 }
 

@@ -37,9 +37,13 @@ use crate::{
     discovery_db::DiscoveryDB,
     sedp_messages::{DiscoveredReaderData, DiscoveredTopicData, DiscoveredWriterData},
   },
-  network::{constant::*, udp_listener::UDPListener},
+  network::{
+    constant::*,
+    this_host::{self, is_only_this_host},
+    udp_listener::UDPListener,
+  },
   polling::{
-    ready_channel, wake_channel, wake_channel_unbounded, LoopWaker, ReadySender, WakeReceiver,
+    ready_channel, wake_channel, wake_channel_unbounded, LoopTurns, LoopWaker, ReadySender, WakeReceiver,
     WakeSender, WakeUnboundedSender,
   },
   rtps::{
@@ -78,6 +82,8 @@ pub struct DomainParticipantBuilder {
 
   same_host_loopback: bool, // prefer loopback for same-host peers + localhost SPDP discovery peers
 
+  peers: Vec<Ipv4Addr>, // Kerf: computers that are looked for by address
+
   socket_receive_buffer_size: usize,
   socket_send_buffer_size: usize,
 
@@ -93,6 +99,7 @@ impl DomainParticipantBuilder {
       domain_id,
       only_networks: None,
       same_host_loopback: true,
+      peers: Vec::new(),
       socket_receive_buffer_size: Self::DEFAULT_SOCKET_RECEIVE_BUFFER_SIZE,
       socket_send_buffer_size: Self::DEFAULT_SOCKET_SEND_BUFFER_SIZE,
       #[cfg(feature = "security")]
@@ -110,8 +117,18 @@ impl DomainParticipantBuilder {
   ///
   /// This is not a hard transport-level ACL: unicast sockets still bind to
   /// wildcard addresses for the selected ports.
+  ///
+  /// Kerf: with the loopback interface alone, or none, it is one: nothing is heard from other computers than those of
+  /// `with_peers`, and nothing is sent elsewhere.
   pub fn with_only_networks(mut self, addrs: impl IntoIterator<Item = impl Into<IpAddr>>) -> Self {
     self.only_networks = Some(addrs.into_iter().map(Into::into).collect());
+    self
+  }
+
+  /// Kerf: computers that are looked for by address, where multicast does not reach; at most
+  /// [`PEERS_MAX`](crate::PEERS_MAX).
+  pub fn with_peers(mut self, addrs: impl IntoIterator<Item = Ipv4Addr>) -> Self {
+    self.peers = addrs.into_iter().collect();
     self
   }
 
@@ -308,8 +325,9 @@ impl DomainParticipantBuilder {
     // AddTopic plus AddLocalReader or AddLocalWriter, and try_send drops a
     // command that does not fit, so Discovery never announces that endpoint.
     // A still larger burst is dropped.
+    // Kerf: of thousands of endpoints.
     let (discovery_command_sender, discovery_command_receiver) =
-      wake_channel::<DiscoveryCommand>(1024, &discovery_waker);
+      wake_channel::<DiscoveryCommand>(16_384, &discovery_waker);
 
     // Built-in discovery readers report new samples here. The token says which
     // reader. User readers do not use this queue.
@@ -328,6 +346,11 @@ impl DomainParticipantBuilder {
     #[cfg(feature = "security")]
     let security_plugins_handle = self.security_plugins.map(SecurityPluginsHandle::new);
 
+    let loop_turns = LoopTurns {
+      event_loop: dp_waker.clone(),
+      discovery: discovery_waker.clone(),
+    };
+
     // intermediate DP wrapper
     let dp = DomainParticipantDisc::new(
       self.domain_id,
@@ -344,8 +367,10 @@ impl DomainParticipantBuilder {
       self.socket_send_buffer_size,
       self.only_networks,
       self.same_host_loopback,
+      self.peers.into(),
       dp_waker,
       discovery_sample_sender,
+      loop_turns,
     )?;
 
     // outer DP wrapper
@@ -535,6 +560,11 @@ impl DomainParticipant {
   /// ```
   pub fn participant_id(&self) -> u16 {
     self.dpi.lock().unwrap().participant_id()
+  }
+
+  /// Kerf: shows whether the threads of this participant still go round.
+  pub fn loop_turns(&self) -> LoopTurns {
+    self.dpi.lock().unwrap().loop_turns.clone()
   }
 
   pub(crate) fn only_networks(&self) -> Option<Arc<[IpAddr]>> {
@@ -952,6 +982,7 @@ impl RTPSEntity for DomainParticipantWeak {
 // This struct exists only to control and stop Discovery when DomainParticipant
 // should be dropped
 pub(crate) struct DomainParticipantDisc {
+  loop_turns: LoopTurns, // Kerf
   dpi: DomainParticipantInner,
   // Discovery control
   discovery_command_sender: WakeSender<DiscoveryCommand>,
@@ -977,8 +1008,10 @@ impl DomainParticipantDisc {
     socket_send_buffer_size: usize,
     only_networks: Option<Vec<IpAddr>>,
     same_host_loopback: bool,
+    peers: Arc<[Ipv4Addr]>,
     dp_waker: LoopWaker,
     discovery_sample_sender: ReadySender<mio1::Token>,
+    loop_turns: LoopTurns,
   ) -> CreateResult<Self> {
     let dpi = DomainParticipantInner::new(
       domain_id,
@@ -994,6 +1027,7 @@ impl DomainParticipantDisc {
       socket_send_buffer_size,
       only_networks,
       same_host_loopback,
+      peers,
       dp_waker,
       discovery_sample_sender,
     )?;
@@ -1001,6 +1035,7 @@ impl DomainParticipantDisc {
     Ok(Self {
       dpi,
       discovery_command_sender,
+      loop_turns,
       discovery_join_handle,
       entity_id_generator: atomic::AtomicU32::new(0),
     })
@@ -1236,6 +1271,7 @@ impl DomainParticipantInner {
     socket_send_buffer_size: usize,
     only_networks: Option<Vec<IpAddr>>,
     same_host_loopback: bool,
+    peers: Arc<[Ipv4Addr]>,
     dp_waker: LoopWaker,
     discovery_sample_sender: ReadySender<mio1::Token>,
   ) -> CreateResult<Self> {
@@ -1243,6 +1279,11 @@ impl DomainParticipantInner {
     let _dummy = _qos_policies; // to make clippy happy
 
     let only_networks: Option<Arc<[IpAddr]>> = only_networks.map(|v| v.into());
+
+    let reach = is_only_this_host(only_networks.as_deref()).then_some(&*peers);
+    if let Some(Err(e)) = reach.map(this_host::check) {
+      return create_error_out_of_resources!("Cannot keep sockets to this computer: {e}");
+    }
 
     let mut listeners = HashMap::new();
 
@@ -1252,6 +1293,7 @@ impl DomainParticipantInner {
       Ipv4Addr::new(239, 255, 0, 1),
       socket_receive_buffer_size,
       only_networks.as_deref(),
+      reach,
     ) {
       Ok(l) => {
         listeners.insert(DISCOVERY_MUL_LISTENER_TOKEN, l);
@@ -1270,6 +1312,7 @@ impl DomainParticipantInner {
         "0.0.0.0",
         spdp_well_known_unicast_port(domain_id, participant_id),
         socket_receive_buffer_size,
+        reach,
       )
       .ok();
       if discovery_listener.is_none() {
@@ -1294,6 +1337,7 @@ impl DomainParticipantInner {
       Ipv4Addr::new(239, 255, 0, 1),
       socket_receive_buffer_size,
       only_networks.as_deref(),
+      reach,
     ) {
       Ok(l) => {
         listeners.insert(USER_TRAFFIC_MUL_LISTENER_TOKEN, l);
@@ -1305,19 +1349,19 @@ impl DomainParticipantInner {
       "0.0.0.0",
       user_traffic_unicast_port(domain_id, participant_id),
       socket_receive_buffer_size,
+      reach,
     )
     .or_else(|e| {
       if matches!(e.kind(), ErrorKind::AddrInUse) {
         // If we do not get the preferred listening port,
         // try again, with "any" port number.
-        UDPListener::new_unicast_with_buf_size("0.0.0.0", 0, socket_receive_buffer_size).or_else(
-          |e| {
+        UDPListener::new_unicast_with_buf_size("0.0.0.0", 0, socket_receive_buffer_size, reach)
+          .or_else(|e| {
             create_error_out_of_resources!(
               "Could not open unicast user traffic listener, any port number: {:?}",
               e
             )
-          },
-        )
+          })
       } else {
         create_error_out_of_resources!("Could not open unicast user traffic listener: {e:?}")
       }
@@ -1412,6 +1456,7 @@ impl DomainParticipantInner {
           only_networks_for_ev_loop,
           socket_send_buffer_size,
           same_host_loopback,
+          peers,
           reader_ready_rx,
           writer_ready_rx,
           dp_waker,

@@ -1323,7 +1323,8 @@ impl InnerSubscriber {
     // constructed
     self
       .sender_add_reader
-      .try_send(new_reader)
+      // Kerf: waits, as for a writer, where many are made at once.
+      .send(new_reader)
       .or_else(|e| create_error_poisoned!("Cannot add DataReader. Error: {}", e))?;
 
     // Return the DataReader to user

@@ -601,7 +601,11 @@ impl Discovery {
       builtin_topic_type_names::DCPS_PARTICIPANT_VOLATILE_MESSAGE_SECURE,
       ParticipantVolatileMessageSecure,
       Some(Self::create_participant_volatile_message_secure_qos()),
-      None,  // Reader QoS: as above
+      // Kerf: a message for each pair of endpoints, and of those that a reader has no room for none comes again.
+      Some(
+        Self::create_participant_volatile_message_secure_qos()
+          .modify_by(&QosPolicyBuilder::new().resource_limits(Self::SEDP_READER_RESOURCE_LIMITS).build())
+      ),
       false, // Regular stateful RTPS Reader & Writer
       EntityId::P2P_BUILTIN_PARTICIPANT_VOLATILE_SECURE_READER,
       P2P_BUILTIN_PARTICIPANT_VOLATILE_SECURE_TOKEN,
@@ -731,6 +735,7 @@ impl Discovery {
         self.discovery_timer.borrow().next_deadline(),
         std::time::Duration::from_millis(5000),
       );
+      self.waker.count_turn();
       match self.poll.poll(&mut events, Some(poll_timeout)) {
         Ok(_) => (),
         // Kerf: a process that was stopped and continued goes on.
@@ -1832,49 +1837,53 @@ impl Discovery {
   }
 
   fn add_local_writer(&self, guid: GUID) {
-    // Get writer data from db
-    let db = discovery_db_read(&self.discovery_db);
-    let writer_data = match db.get_local_topic_writer(guid) {
-      Some(d) => d,
-      None => {
+    // Kerf: no lock is held while something is sent. The event loop, which takes it, may wait for the same lock, and an
+    // application that waits to write keeps both from it.
+    let (writer_data, existing_readers) = {
+      let db = discovery_db_read(&self.discovery_db);
+      let Some(data) = db.get_local_topic_writer(guid) else {
         warn!("Did not find a local writer {guid:?}");
         return;
-      }
+      };
+      let topic_name = data.publication_topic_data.topic_name();
+      let existing: Vec<_> = db.readers_on_topic(topic_name).into_iter().cloned().collect();
+      (data.clone(), existing)
     };
 
     // Publish it to SEDP (if needed)
-    self.sedp_publish_single_user_writer(writer_data);
+    self.sedp_publish_single_user_writer(&writer_data);
 
     // Send the ReaderUpdated notification on any existing readers on the writer's
-    // topic This will result in matching the endpoints if possible
-    let existing_readers = db.readers_on_topic(writer_data.publication_topic_data.topic_name());
-    for reader in existing_readers {
+    // topic. This will result in matching the endpoints if possible
+    for discovered_reader_data in existing_readers {
       self.send_discovery_notification(DiscoveryNotificationType::ReaderUpdated {
-        discovered_reader_data: reader.clone(),
+        discovered_reader_data,
       });
     }
   }
 
   fn add_local_reader(&self, guid: GUID) {
-    // Get reader data from db
-    let db = discovery_db_read(&self.discovery_db);
-    let reader_data = match db.get_local_topic_reader(guid) {
-      Some(d) => d,
-      None => {
+    // Kerf: no lock is held while something is sent. The event loop, which takes it, may wait for the same lock, and an
+    // application that waits to write keeps both from it.
+    let (reader_data, existing_writers) = {
+      let db = discovery_db_read(&self.discovery_db);
+      let Some(data) = db.get_local_topic_reader(guid) else {
         warn!("Did not find a local reader {guid:?}");
         return;
-      }
+      };
+      let topic_name = data.subscription_topic_data.topic_name();
+      let existing: Vec<_> = db.writers_on_topic(topic_name).into_iter().cloned().collect();
+      (data.clone(), existing)
     };
 
     // Publish it to SEDP (if needed)
-    self.sedp_publish_single_user_reader(reader_data);
+    self.sedp_publish_single_user_reader(&reader_data);
 
-    // Send the WriterUpdated notification on any existing writers on the readers's
-    // topic This will result in matching the endpoints if possible
-    let existing_writers = db.writers_on_topic(reader_data.subscription_topic_data.topic_name());
-    for writer in existing_writers {
+    // Send the WriterUpdated notification on any existing writers on the reader's
+    // topic. This will result in matching the endpoints if possible
+    for discovered_writer_data in existing_writers {
       self.send_discovery_notification(DiscoveryNotificationType::WriterUpdated {
-        discovered_writer_data: writer.clone(),
+        discovered_writer_data,
       });
     }
   }
@@ -1932,11 +1941,12 @@ impl Discovery {
   }
 
   pub fn sedp_publish_topic(&self, topic_name: &str) {
-    let db = discovery_db_read(&self.discovery_db);
     // We might have multiple topics with the same name (but different Qos etc..),
     // and the following call gets just one of them. Should we publish all of
     // them or is this enough?
-    let topic_data = match db.get_topic(topic_name) {
+    // Kerf: cloned, because nothing is sent while the lock is held.
+    let found = discovery_db_read(&self.discovery_db).get_topic(topic_name).cloned();
+    let topic_data = match found {
       Some(data) => data,
       None => {
         warn!("Did not find topic data with topic name {topic_name}");
@@ -1950,7 +1960,7 @@ impl Discovery {
       return;
     }
 
-    match self.dcps_topic.writer.write(topic_data.clone(), None) {
+    match self.dcps_topic.writer.write(topic_data, None) {
       Ok(()) => {
         debug!("Published topic {topic_name} to DCPSTopic");
       }

@@ -67,6 +67,32 @@ fn user_data_of(type_name: &str) -> Option<Vec<u8>> {
   USER_DATA_OF_TYPE.get()?(type_name)
 }
 
+/// Kerf: what an endpoint of ours and one of a peer on the same topic say of its type.
+#[derive(Debug, Clone, Copy)]
+pub struct TypesOfTopic<'a> {
+  pub topic: &'a str,
+  /// None while it is being removed.
+  pub local_type: Option<&'a str>,
+  pub remote_type: &'a str,
+  pub remote_user_data: &'a [u8],
+  pub remote: GUID,
+}
+
+/// Kerf: decides whether an endpoint of a peer is matched with ours.
+pub type HasSameType = fn(&TypesOfTopic<'_>) -> bool;
+
+static HAS_SAME_TYPE: std::sync::OnceLock<HasSameType> = std::sync::OnceLock::new();
+
+/// Kerf: endpoints of this process are matched only where this says so, not by the name of the topic alone. The first
+/// call counts.
+pub fn match_where(has_same_type: HasSameType) {
+  let _ = HAS_SAME_TYPE.set(has_same_type);
+}
+
+pub(crate) fn has_same_type(types: &TypesOfTopic<'_>) -> bool {
+  HAS_SAME_TYPE.get().is_none_or(|has| has(types))
+}
+
 // We need a wrapper to distinguish between Participant and Endpoint GUIDs.
 // They need to be distinguished, because the PL_CDR serialization is different:
 // ParameterId is different.

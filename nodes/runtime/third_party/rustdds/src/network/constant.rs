@@ -12,8 +12,9 @@ pub const fn spdp_well_known_multicast_port(domain_id: u16) -> u16 {
   PB + DG * domain_id + D0
 }
 
+// Kerf: of domain 232 the last ports would be over 65535.
 pub const fn spdp_well_known_unicast_port(domain_id: u16, participant_id: u16) -> u16 {
-  PB + DG * domain_id + D1 + PG * participant_id
+  (PB + DG * domain_id + D1).saturating_add(PG * participant_id)
 }
 
 pub const fn user_traffic_multicast_port(domain_id: u16) -> u16 {
@@ -21,7 +22,7 @@ pub const fn user_traffic_multicast_port(domain_id: u16) -> u16 {
 }
 
 pub const fn user_traffic_unicast_port(domain_id: u16, participant_id: u16) -> u16 {
-  PB + DG * domain_id + D3 + PG * participant_id
+  (PB + DG * domain_id + D3).saturating_add(PG * participant_id)
 }
 
 /// Default number of same-host participant slots probed by unicast SPDP

@@ -9,9 +9,12 @@ use socket2::{Domain, Protocol, SockAddr, Socket, Type};
 use bytes::{Bytes, BytesMut};
 
 use crate::{
-  network::util::{
+  network::{
+    this_host,
+    util::{
     build_ifindex_to_interface_map, get_local_multicast_ip_addrs_filtered,
     get_local_multicast_locators, get_local_unicast_locators_filtered,
+    },
   },
   rtps::transmit::InterfaceSelector,
   serialization::padding_needed_for_alignment_4,
@@ -76,8 +79,13 @@ impl UDPListener {
     port: u16,
     reuse_addr: bool,
     recv_buffer_size: usize,
+    reach: Option<&[Ipv4Addr]>,
   ) -> io::Result<mio1::net::UdpSocket> {
     let raw_socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+    // Kerf: before it is bound, so that nothing gets in meanwhile.
+    if let Some(peers) = reach {
+      this_host::receive_only(&raw_socket, peers)?;
+    }
 
     if recv_buffer_size > 0 {
       raw_socket
@@ -181,15 +189,16 @@ impl UDPListener {
 
   #[cfg(test)]
   pub fn new_unicast(host: &str, port: u16) -> io::Result<Self> {
-    Self::new_unicast_with_buf_size(host, port, 0)
+    Self::new_unicast_with_buf_size(host, port, 0, None)
   }
 
   pub fn new_unicast_with_buf_size(
     host: &str,
     port: u16,
     recv_buffer_size: usize,
+    reach: Option<&[Ipv4Addr]>,
   ) -> io::Result<Self> {
-    let mio_socket = Self::new_listening_socket(host, port, false, recv_buffer_size)?;
+    let mio_socket = Self::new_listening_socket(host, port, false, recv_buffer_size, reach)?;
 
     Ok(Self {
       socket: mio_socket,
@@ -202,7 +211,7 @@ impl UDPListener {
 
   #[cfg(test)]
   pub fn new_multicast(host: &str, port: u16, multicast_group: Ipv4Addr) -> io::Result<Self> {
-    Self::new_multicast_with_buf_size(host, port, multicast_group, 0, None)
+    Self::new_multicast_with_buf_size(host, port, multicast_group, 0, None, None)
   }
 
   pub fn new_multicast_with_buf_size(
@@ -211,12 +220,13 @@ impl UDPListener {
     multicast_group: Ipv4Addr,
     recv_buffer_size: usize,
     only_networks: Option<&[IpAddr]>,
+    reach: Option<&[Ipv4Addr]>,
   ) -> io::Result<Self> {
     if !multicast_group.is_multicast() {
       return io::Result::Err(io::Error::other("Not a multicast address"));
     }
 
-    let mio_socket = Self::new_listening_socket(host, port, true, recv_buffer_size)?;
+    let mio_socket = Self::new_listening_socket(host, port, true, recv_buffer_size, reach)?;
     let mut joined_multicast = false;
 
     for multicast_if_ipaddr in get_local_multicast_ip_addrs_filtered(only_networks)? {

@@ -2,10 +2,8 @@ use std::{
   cell::RefCell,
   collections::HashMap,
   io,
-  net::{IpAddr, SocketAddr, UdpSocket},
+  net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket},
 };
-#[cfg(test)]
-use std::net::Ipv4Addr;
 #[cfg(unix)]
 use std::os::unix::io::{AsRawFd, RawFd};
 
@@ -14,7 +12,10 @@ use log::{debug, error, info, trace, warn};
 use socket2::{Domain, Protocol, SockAddr, Socket, Type};
 
 use crate::{
-  network::util::get_local_multicast_ip_addrs_filtered,
+  network::{
+    this_host::{self, is_only_this_host},
+    util::get_local_multicast_ip_addrs_filtered,
+  },
   rtps::{
     outbound::{ControlQueue, Datagram, SendOutcome, SocketId, CONTROL_QUEUE_WARN_LEN},
     transmit::InterfaceSelector,
@@ -43,7 +44,7 @@ pub struct UDPSender {
 impl UDPSender {
   #[cfg(test)]
   pub fn new(sender_port: u16) -> io::Result<Self> {
-    Self::new_with_networks(sender_port, None, 0)
+    Self::new_with_networks(sender_port, None, 0, &[])
   }
 
   // Request (and verify) SO_SNDBUF on a sender socket. `size == 0` leaves the
@@ -75,11 +76,18 @@ impl UDPSender {
     sender_port: u16,
     only_networks: Option<&[IpAddr]>,
     send_buffer_size: usize,
+    peers: &[Ipv4Addr],
   ) -> io::Result<Self> {
+    // Kerf
+    let restrict = |socket: &Socket| match is_only_this_host(only_networks) {
+      true => this_host::send_only(socket, peers),
+      false => Ok(()),
+    };
     let unicast_socket = {
       let saddr: SocketAddr = SocketAddr::new("0.0.0.0".parse().unwrap(), sender_port);
       let raw_socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
       Self::set_and_verify_send_buffer(&raw_socket, send_buffer_size);
+      restrict(&raw_socket)?;
       raw_socket.bind(&SockAddr::from(saddr))?;
       let socket = UdpSocket::from(raw_socket);
       // nonblocking-transmit: the socket must never stall the event loop.
@@ -105,6 +113,7 @@ impl UDPSender {
         IpAddr::V4(a) => {
           let raw_socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
           raw_socket.set_multicast_if_v4(&a)?;
+          restrict(&raw_socket)?;
           Self::set_and_verify_send_buffer(&raw_socket, send_buffer_size);
 
           // Handle windows.

@@ -7,6 +7,7 @@ use std::{
 use log::{error, warn};
 
 use crate::{
+  network::this_host::is_only_this_host,
   rtps::{
     constant::{payload_budget_for_mtu, FALLBACK_MAX_AGGREGATED_DATAGRAM_SIZE},
     transmit::InterfaceSelector,
@@ -120,6 +121,12 @@ pub fn local_interface_table() -> Vec<IfAddr> {
 /// An overestimate is a soft failure (IP fragmentation), never data loss, so
 /// this errs toward the safe default when unsure.
 pub fn path_mtu_payload_for_peer(ifaces: &[IfAddr], peer_ip: IpAddr) -> usize {
+  // Kerf: what is sent to an own address goes over the loopback interface.
+  if ifaces.iter().any(|ifa| ifa.ip == peer_ip) {
+    if let Some(mtu) = ifaces.iter().find(|ifa| ifa.is_loopback).and_then(|ifa| ifa.mtu) {
+      return payload_budget_for_mtu(mtu);
+    }
+  }
   if let IpAddr::V4(peer) = peer_ip {
     for ifa in ifaces {
       let (IpAddr::V4(local), Some(mask)) = (ifa.ip, ifa.netmask) else {
@@ -150,6 +157,18 @@ fn same_subnet_v4(local: Ipv4Addr, mask: Ipv4Addr, peer: Ipv4Addr) -> bool {
 pub fn get_local_multicast_locators(port: u16) -> Vec<Locator> {
   let saddr = SocketAddr::new("239.255.0.1".parse().unwrap(), port);
   vec![Locator::from(saddr)]
+}
+
+/// Kerf: where participants of these computers look for others.
+pub fn spdp_peer_locators(
+  domain_id: u16,
+  peers: &[Ipv4Addr],
+  max_participants: u16,
+) -> impl Iterator<Item = Locator> + '_ {
+  let port = move |pid| crate::network::constant::spdp_well_known_unicast_port(domain_id, pid);
+  peers.iter().flat_map(move |peer| {
+    (0..max_participants).map(move |pid| Locator::from(SocketAddr::new((*peer).into(), port(pid))))
+  })
 }
 
 /// Build the unicast "localhost SPDP peer" locators for same-host discovery.
@@ -215,7 +234,13 @@ fn get_local_unicast_locators_inner(
     // loopback -- would try to send there and get EAFNOSUPPORT per datagram.
     // Link-local IPv6 is doubly useless, as a `Locator` carries no scope id.
     .filter(|ifa| ifa.ip.is_ipv4())
-    .filter(|ifa| only_networks.is_none_or(|nets| nets.contains(&ifa.ip)))
+    // Kerf: what is for this computer alone is announced with each of its addresses. A peer of this computer that
+    // leaves out the loopback interface, as Cyclone DDS does, takes one of the others.
+    .filter(|ifa| {
+      only_networks.is_none_or(|nets| {
+        nets.contains(&ifa.ip) || (!nets.is_empty() && is_only_this_host(only_networks))
+      })
+    })
     .map(|ifa| Locator::from(SocketAddr::new(ifa.ip, port)))
     .collect()
 }

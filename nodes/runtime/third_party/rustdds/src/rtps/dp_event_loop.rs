@@ -1,7 +1,7 @@
 use std::{
   cell::RefCell,
   collections::{BTreeMap, BTreeSet, HashMap, VecDeque},
-  net::IpAddr,
+  net::{IpAddr, Ipv4Addr},
   rc::Rc,
   sync::{Arc, RwLock},
   time::{Duration, Instant},
@@ -20,14 +20,14 @@ use crate::{
   discovery::{
     discovery::DiscoveryCommand,
     discovery_db::{discovery_db_read, DiscoveryDB},
-    sedp_messages::{DiscoveredReaderData, DiscoveredWriterData},
+    sedp_messages::{has_same_type, DiscoveredReaderData, DiscoveredWriterData, TypesOfTopic},
   },
   messages::submessages::submessages::AckSubmessage,
   network::{
     constant::SPDP_LOCALHOST_PEER_COUNT,
     udp_listener::UDPListener,
     udp_sender::UDPSender,
-    util::{local_interface_table, localhost_spdp_peer_locators, IfAddr},
+    util::{local_interface_table, localhost_spdp_peer_locators, spdp_peer_locators, IfAddr},
   },
   polling::{
     new_shared_timer, timeout_until, wake_channel, LoopWaker, ReadyReceiver, SharedTimer,
@@ -140,6 +140,9 @@ pub struct DPEventLoop {
   // route same-host peers over loopback. See
   // `src/rtps/loopback_same_host_design.md`.
   same_host_loopback: bool,
+
+  // Kerf: computers that are looked for by address.
+  peers: Arc<[Ipv4Addr]>,
 }
 
 impl DPEventLoop {
@@ -164,6 +167,7 @@ impl DPEventLoop {
     only_networks: Option<Arc<[IpAddr]>>,
     socket_send_buffer_size: usize,
     same_host_loopback: bool,
+    peers: Arc<[Ipv4Addr]>,
     reader_ready: ReadyReceiver<EntityId>,
     writer_ready: ReadyReceiver<EntityId>,
     waker: LoopWaker,
@@ -212,7 +216,12 @@ impl DPEventLoop {
 
     // port number 0 means OS chooses an available port number.
     let udp_sender = try_init!(
-      UDPSender::new_with_networks(0, only_networks.as_deref(), socket_send_buffer_size),
+      UDPSender::new_with_networks(
+        0,
+        only_networks.as_deref(),
+        socket_send_buffer_size,
+        &peers
+      ),
       "UDPSender construction fail"
     );
 
@@ -257,6 +266,7 @@ impl DPEventLoop {
       participant_status_sender,
       discovery_command_sender,
       same_host_loopback,
+      peers,
     })
   }
 
@@ -303,6 +313,7 @@ impl DPEventLoop {
         Duration::from_millis(2)
       };
       let poll_timeout = timeout_until(ev_wrapper.shared_timer.borrow().next_deadline(), idle_cap);
+      ev_wrapper.waker.count_turn();
       match ev_wrapper.poll.poll(&mut events, Some(poll_timeout)) {
         Ok(_) => {}
         // Kerf: a process that was stopped and continued goes on.
@@ -897,7 +908,21 @@ impl DPEventLoop {
       .unwrap_or_else(|e| error!("Cannot report participant status: {e:?}"));
 
     for writer in self.writers.values_mut() {
-      if remote_reader.subscription_topic_data.topic_name() == writer.topic_name() {
+      let topic_data = &remote_reader.subscription_topic_data;
+      if topic_data.topic_name() == writer.topic_name() {
+        // Kerf
+        let db = discovery_db_read(&self.discovery_db);
+        let local = db.get_local_topic_writer(writer.guid());
+        if !has_same_type(&TypesOfTopic {
+          topic: topic_data.topic_name(),
+          local_type: local.map(|it| it.publication_topic_data.type_name.as_str()),
+          remote_type: topic_data.type_name(),
+          remote_user_data: &remote_reader.user_data,
+          remote: remote_reader.reader_proxy.remote_reader_guid,
+        }) {
+          continue;
+        }
+        drop(db);
         #[cfg(not(feature = "security"))]
         let match_to_reader = true;
         #[cfg(feature = "security")]
@@ -987,7 +1012,21 @@ impl DPEventLoop {
 
     // update writer proxies in local readers
     for reader in self.message_receiver.available_readers.values_mut() {
-      if &remote_writer.publication_topic_data.topic_name == reader.topic_name() {
+      let topic_data = &remote_writer.publication_topic_data;
+      if &topic_data.topic_name == reader.topic_name() {
+        // Kerf
+        let db = discovery_db_read(&self.discovery_db);
+        let local = db.get_local_topic_reader(reader.guid());
+        if !has_same_type(&TypesOfTopic {
+          topic: &topic_data.topic_name,
+          local_type: local.map(|it| it.subscription_topic_data.type_name().as_str()),
+          remote_type: &topic_data.type_name,
+          remote_user_data: &remote_writer.user_data,
+          remote: remote_writer.writer_proxy.remote_writer_guid,
+        }) {
+          continue;
+        }
+        drop(db);
         #[cfg(not(feature = "security"))]
         let match_to_writer = true;
         #[cfg(feature = "security")]
@@ -1115,14 +1154,23 @@ impl DPEventLoop {
     // - every writer may route a confirmed same-host peer over loopback.
     // See `src/rtps/loopback_same_host_design.md`.
     new_writer.set_prefer_loopback_same_host(self.same_host_loopback);
-    if self.same_host_loopback
-      && new_writer.guid().entity_id == EntityId::SPDP_BUILTIN_PARTICIPANT_WRITER
-    {
-      new_writer.set_extra_unicast_destinations(localhost_spdp_peer_locators(
-        self.domain_info.domain_id,
-        self.domain_info.participant_id,
+    if new_writer.guid().entity_id == EntityId::SPDP_BUILTIN_PARTICIPANT_WRITER {
+      let domain_id = self.domain_info.domain_id;
+      let mut destinations = Vec::new();
+      if self.same_host_loopback {
+        destinations.extend(localhost_spdp_peer_locators(
+          domain_id,
+          self.domain_info.participant_id,
+          SPDP_LOCALHOST_PEER_COUNT,
+        ));
+      }
+      // Kerf
+      destinations.extend(spdp_peer_locators(
+        domain_id,
+        &self.peers,
         SPDP_LOCALHOST_PEER_COUNT,
       ));
+      new_writer.set_extra_unicast_destinations(destinations);
     }
 
     // The doorbell is a shared ready-queue plus the poll waker, not a

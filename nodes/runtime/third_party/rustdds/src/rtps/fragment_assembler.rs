@@ -1,6 +1,7 @@
 use std::{
   collections::{btree_map::Entry, BTreeMap},
   fmt, iter,
+  sync::atomic::{AtomicUsize, Ordering::SeqCst},
 };
 
 use bit_vec::BitVec;
@@ -22,9 +23,35 @@ use crate::{
   },
 };
 
+// Kerf: the longest sample that is put together, and what all that are unfinished take in this process.
+const MAX_SAMPLE_BYTES: usize = 32 * 1024 * 1024;
+const MAX_UNFINISHED_BYTES: usize = 4 * MAX_SAMPLE_BYTES;
+static UNFINISHED_BYTES: AtomicUsize = AtomicUsize::new(0);
+
+// Its bytes count as unfinished until it is dropped.
+struct Budget(usize);
+
+impl Budget {
+  fn take(bytes: usize) -> Option<Self> {
+    let fits = |all: usize| Some(all + bytes).filter(|sum| *sum <= MAX_UNFINISHED_BYTES);
+    if bytes > MAX_SAMPLE_BYTES || UNFINISHED_BYTES.try_update(SeqCst, SeqCst, fits).is_err() {
+      warn!("A sample of {bytes} bytes in fragments is not taken: too long, or too many at once.");
+      return None;
+    }
+    Some(Self(bytes))
+  }
+}
+
+impl Drop for Budget {
+  fn drop(&mut self) {
+    UNFINISHED_BYTES.fetch_sub(self.0, SeqCst);
+  }
+}
+
 // This is for the assembly of a single object
 struct AssemblyBuffer {
   buffer_bytes: BytesMut,
+  _budget: Budget,
   fragment_count: usize,
   received_bitmap: BitVec,
 
@@ -45,19 +72,21 @@ impl AssemblyBuffer {
       return None;
     }
 
-    let mut buffer_bytes = BytesMut::with_capacity(data_size);
-    buffer_bytes.resize(data_size, 0);
-
     let fragment_count = usize::from(datafrag.total_number_of_fragments());
     if fragment_count == 0 {
       error!("Cannot create AssemblyBuffer: zero fragment count");
       return None;
     }
 
+    // Kerf: a fragment says how long its sample is, whoever sent it.
+    let budget = Budget::take(data_size + fragment_count.div_ceil(8))?;
+    let buffer_bytes = BytesMut::zeroed(data_size);
+
     let now = Timestamp::now();
 
     Some(Self {
       buffer_bytes,
+      _budget: budget,
       fragment_count,
       received_bitmap: BitVec::from_elem(fragment_count, false),
       created_time: now,
@@ -297,6 +326,10 @@ impl FragmentAssembler {
     }
   }
 
+  pub fn is_empty(&self) -> bool {
+    self.assembly_buffers.is_empty()
+  }
+
   pub fn garbage_collect_before(&mut self, expire_before: Timestamp) {
     self.assembly_buffers.retain(|sn, ab| {
       let retain = ab.modified_time >= expire_before;
@@ -425,5 +458,16 @@ mod tests {
     assert!(fa
       .new_datafrag(&bad, BitFlags::<DATAFRAG_Flags>::empty())
       .is_none());
+  }
+
+  // Kerf
+  #[test]
+  fn a_sample_of_any_announced_length_takes_a_bounded_amount() {
+    let announced = |size| AssemblyBuffer::new(&datafrag(1, 1, 1024, size, vec![0; 1024]));
+    assert!(announced(u32::MAX).is_none());
+    let held: Vec<_> = (0..100).map_while(|_| announced(30 << 20)).collect();
+    assert_eq!(held.len(), 4);
+    drop(held);
+    assert!(announced(30 << 20).is_some());
   }
 }

@@ -165,6 +165,17 @@ pub(crate) struct MessageBuilder {
   submessages: Vec<Submessage>,
 }
 
+/// Kerf: the hash of a key of discovery, which is the GUID of a participant or an endpoint: the GUID itself.
+fn hash_of_discovery_key(key: &crate::SerializedPayload) -> Option<Vec<u8>> {
+  let is_list = [
+    crate::RepresentationIdentifier::PL_CDR_LE,
+    crate::RepresentationIdentifier::PL_CDR_BE,
+  ]
+  .contains(&key.representation_identifier);
+  // Of one parameter, after its id and length.
+  is_list.then(|| key.value.get(4..20).map(<[u8]>::to_vec))?
+}
+
 impl MessageBuilder {
   pub fn new() -> Self {
     Self::default()
@@ -278,7 +289,14 @@ impl MessageBuilder {
     match cache_change.data_value {
       DDSData::Data { .. } => (), // data sample, not dispose
 
-      DDSData::DisposeByKey { .. } => {
+      DDSData::DisposeByKey { ref key, .. } => {
+        // Kerf: Fast DDS reads no key that is longer than its hash from the payload.
+        if let Some(key_hash) = hash_of_discovery_key(key) {
+          param_list.push(Parameter {
+            parameter_id: ParameterId::PID_KEY_HASH,
+            value: key_hash,
+          });
+        }
         param_list.push(Parameter::create_pid_status_info_parameter(
           /* disposed */ true, /* unregistered */ true, /* filtered */ false,
         ));

@@ -591,6 +591,15 @@ impl Reader {
     let writer_guid = GUID::new_with_prefix_and_id(mr_state.source_guid_prefix, datafrag.writer_id);
     let seq_num = datafrag.writer_sn;
     let receive_timestamp = Timestamp::now();
+
+    // Kerf: as with DATA, nothing is taken of a writer that is not matched, and nothing twice.
+    if !self.like_stateless && self.entity_id() != EntityId::SPDP_BUILTIN_PARTICIPANT_READER {
+      match self.matched_writer_mut(writer_guid) {
+        Some(writer_proxy) if writer_proxy.should_ignore_change(seq_num) => return,
+        None if writer_guid.entity_id.entity_kind.is_user_defined() => return,
+        _ => {}
+      }
+    }
     //trace!("DATAFRAG received topic={:?}", self.topic_name);
 
     // check if this submessage is expired already
@@ -678,13 +687,12 @@ impl Reader {
 
       let expire_before = now - FRAGMENT_ASSEMBLY_TIMEOUT;
 
-      self
-        .fragment_assemblers
-        .iter_mut()
-        .for_each(|(writer, fa)| {
-          debug!("AssemblyBuffer GC writer {writer:?}");
-          fa.garbage_collect_before(expire_before);
-        });
+      // Kerf: with those that have nothing to put together, of writers that are gone or never were.
+      self.fragment_assemblers.retain(|writer, fa| {
+        debug!("AssemblyBuffer GC writer {writer:?}");
+        fa.garbage_collect_before(expire_before);
+        !fa.is_empty()
+      });
     } else {
       trace!("Not yet AssemblyBuffer GC time.");
     }
@@ -1020,6 +1028,9 @@ impl Reader {
             let mut missing_frags = this.missing_frags_for(writer_guid, sn);
             let first_missing = missing_frags.next();
             if let Some(first) = first_missing {
+              // Kerf: as many as the set holds.
+              let missing_frags = missing_frags
+                .take_while(|f| u32::from(*f) - u32::from(first) < 256);
               let missing_frags_set = iter::once(first).chain(missing_frags).collect(); // "undo" the .next() above
               let nf = NackFrag {
                 reader_id,

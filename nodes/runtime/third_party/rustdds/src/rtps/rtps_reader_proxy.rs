@@ -551,13 +551,23 @@ impl RtpsReaderProxy {
 
   // Fragment handling
 
-  pub fn mark_frags_requested(&mut self, seq_num: SequenceNumber, frag_nums: &FragmentNumberSet) {
+  /// Kerf: numbers that the sample does not have are left out, whatever the request says.
+  pub fn mark_frags_requested(
+    &mut self,
+    seq_num: SequenceNumber,
+    frag_nums: &FragmentNumberSet,
+    frag_count: usize,
+  ) {
+    let valid = |f: &FragmentNumber| (1..=frag_count).contains(&usize::from(*f));
+    if !frag_nums.iter().any(|f| valid(&f)) {
+      return;
+    }
     let req_set = self
       .frags_requested
       .entry(seq_num)
       .or_insert_with(|| BitVec::with_capacity(64)); // default capacity out of hat
 
-    for f in frag_nums.iter() {
+    for f in frag_nums.iter().filter(valid) {
       // -1 because FragmentNumbers start at 1
       let idx = usize::from(f) - 1;
       // The bit vector must be long enough to address `idx`. Grow it (filling

@@ -176,6 +176,13 @@ impl RtpsWriterProxy {
 
     // Iterate over all SequenceNumbers (indices) in the advertised range.
     for s in relevant_interval {
+      // Kerf: an ACKNACK holds no more. What is left is asked for later, and a HEARTBEAT may say anything.
+      if missing_seqnums
+        .first()
+        .is_some_and(|first| s - *first >= SequenceNumber::new(256))
+      {
+        break;
+      }
       match known_head {
         None => missing_seqnums.push(s), // no known changes left => s is missing
         Some(known_sn) => {
@@ -281,13 +288,16 @@ impl RtpsWriterProxy {
         self.ack_base, remove_from, remove_until_before, self.remote_writer_guid
       );
     } else {
-      // TODO: This potentially generates a very large BTreeMap
+      // Kerf: as many as there is room for. The others stay missing, and the writer answers the next request for
+      // them with the same GAP.
       for na in
         SequenceNumber::range_inclusive(remove_from, remove_until_before - SequenceNumber::new(1))
       {
+        if self.changes.len() >= MAX_TRACKED_CHANGES_PER_WRITER {
+          break;
+        }
         self.changes.insert(na, None);
       }
-      self.enforce_change_map_cap();
     }
   }
 
@@ -452,5 +462,25 @@ mod bounded_map_tests {
       MAX_TRACKED_CHANGES_PER_WRITER,
       wp.tracked_changes_count()
     );
+  }
+
+  // Kerf: what a packet says of ranges costs no more than what fits an ACKNACK or the map.
+  #[test]
+  fn ranges_of_any_length_are_bounded() {
+    let mut wp = test_proxy();
+    let end = SequenceNumber::new(1 << 62);
+    let missing = wp.missing_seqnums(SequenceNumber::new(1), end);
+    assert_eq!(missing.len(), 256);
+
+    wp.irrelevant_changes_range(SequenceNumber::new(100), end);
+    assert_eq!(wp.tracked_changes_count(), MAX_TRACKED_CHANGES_PER_WRITER);
+    // Nothing that is still missing is given up.
+    assert_eq!(wp.all_ackable_before(), SequenceNumber::new(1));
+    assert_eq!(wp.missing_seqnums(SequenceNumber::new(1), end).len(), 99);
+    // Once all before it is there, the same GAP is taken whole.
+    wp.irrelevant_changes_range(SequenceNumber::new(1), SequenceNumber::new(100));
+    wp.irrelevant_changes_range(wp.all_ackable_before(), end);
+    assert_eq!(wp.all_ackable_before(), end);
+    assert_eq!(wp.tracked_changes_count(), 0);
   }
 }

@@ -1305,6 +1305,10 @@ impl Writer {
       AckSubmessage::NackFrag(ref nackfrag) => {
         // NackFrag is negative acknowledgement only, i.e. requesting missing fragments.
         let reader_guid = GUID::new(reader_guid_prefix, nackfrag.reader_id);
+        let frag_count = self
+          .send_buffer
+          .get_by_sn(nackfrag.writer_sn)
+          .map(|cc| cc.data_value.payload_size().div_ceil(FRAGMENT_SIZE));
         let Some(reader_proxy) = self.lookup_reader_proxy_mut(reader_guid) else {
           return;
         };
@@ -1317,7 +1321,15 @@ impl Writer {
           return;
         }
         reader_proxy.last_nackfrag_count = Some(nackfrag.count);
-        reader_proxy.mark_frags_requested(nackfrag.writer_sn, &nackfrag.fragment_number_state);
+        // Kerf: of a sample that is not there any more nothing can be repaired.
+        let Some(frag_count) = frag_count else {
+          return;
+        };
+        reader_proxy.mark_frags_requested(
+          nackfrag.writer_sn,
+          &nackfrag.fragment_number_state,
+          frag_count,
+        );
         self.schedule_repair_frags(reader_guid, self.nackfrag_response_delay);
       }
     }

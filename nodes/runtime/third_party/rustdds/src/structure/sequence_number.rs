@@ -160,6 +160,11 @@ impl<'a, C: Context> Readable<'a, C> for SequenceNumber {
     let high: i32 = reader.read_value()?;
     let low: u32 = reader.read_value()?;
 
+    // Kerf: no writer gets that far, and sums of such numbers overflow.
+    if !(-(1 << 30)..=(1 << 30)).contains(&high) {
+      return Err(speedy::Error::custom(format!("SequenceNumber out of range: {high}:{low}")).into());
+    }
+
     Ok(Self(((i64::from(high)) << 32) + i64::from(low)))
   }
 
@@ -440,14 +445,27 @@ where
 
 impl<'a, C: Context, N> Readable<'a, C> for NumberSet<N>
 where
-  N:
-    Clone + Debug + Hash + PartialEq + Eq + NumOps + From<i64> + Ord + PartialOrd + Readable<'a, C>,
+  N: Clone
+    + Debug
+    + Hash
+    + PartialEq
+    + Eq
+    + NumOps
+    + num_traits::CheckedAdd
+    + From<i64>
+    + Ord
+    + PartialOrd
+    + Readable<'a, C>,
   i64: From<N>,
 {
   #[inline]
   fn read_from<R: Reader<'a, C>>(reader: &mut R) -> Result<Self, C::Error> {
     let bitmap_base: N = reader.read_value()?;
     let num_bits: u32 = reader.read_value()?;
+    // Kerf: the numbers of the set are sums of its base.
+    if bitmap_base.checked_add(&N::from(256)).is_none() {
+      return Err(speedy::Error::custom(format!("NumberSet base too large: {bitmap_base:?}")).into());
+    }
     if num_bits > 256 {
       // Set size check accoring to RTPS spec v2.5 Section "8.3.5.5 SequenceNumberSet"
       // and "8.3.5.7 FragmentNumberSet"
