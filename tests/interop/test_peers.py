@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from programs import SLOW, MachineState, load, states, until_state
-from ros2 import DEFAULT, LATCHED, ActionClient, interfaces, message, until
+from ros2 import DEFAULT, LATCHED, ActionClient, Node, interfaces, message, until
+from ros2.node import Context
 
 # Sends a goal, says its id and waits for ever.
 CLIENT = '''
@@ -20,6 +21,36 @@ states = node.subscription('cnc_msgs/msg/MachineState', 'machine_state')
 goal = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program').send_goal()
 print(goal.number.hex(), flush=True)
 time.sleep(1000)
+'''
+
+# On a host with a cable: a node on Cyclone DDS with the range SUBNET, the default of ROS 2, and a machine that keeps to
+# its host.
+STOCK = '''
+from machine import Machine
+from programs import SLOW, MachineState, load, until_state
+from ros2 import ActionClient, ParameterClient
+from ros2.node import Context
+Context.range = 'SUBNET'
+machine = Machine().until_idle()
+try:
+    with machine.node() as node:
+        until_state(node, MachineState.STATE_IDLE)
+        assert ParameterClient(node, 'axis_driver').get('poll_interval_ms') == [500]
+        load(node, text=SLOW, name='slow.ngc')
+        goal = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program').send_goal()
+        until_state(node, MachineState.STATE_RUN)
+        goal.cancel()
+        assert goal.result().status == 5
+finally:
+    machine.stop()
+'''
+HOST = '''
+ip link set lo up
+ip link add cable type veth peer name end
+ip addr add 10.78.0.1/24 dev cable
+ip link set cable up
+ip link set end up
+exec "$@"
 '''
 
 
@@ -133,3 +164,19 @@ def test_a_client_that_has_just_come_gets_its_first_answer(machine):
         with machine.node(f'newcomer_{number}') as newcomer:
             client = newcomer.client('cnc_msgs/srv/GetTools', 'get_tools')
             assert client.call(timeout=20).success
+
+
+def test_a_node_without_settings_commands_a_machine_that_keeps_to_its_host():
+    ran = subprocess.run(
+        ['unshare', '--net', 'sh', '-e', '-c', HOST, 'sh', sys.executable, '-B', '-c', STOCK],
+        cwd=Path(__file__).parent, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+def test_a_second_context_of_a_process_is_served(machine, node):
+    until_state(node, MachineState.STATE_IDLE)
+    second = Context(machine.domain_id)
+    with Node('second', machine.namespace, machine.domain_id, second) as other:
+        until_state(other, MachineState.STATE_IDLE)
+        load(other, text=SLOW, name='slow.ngc')
+    until_state(node, MachineState.STATE_IDLE)

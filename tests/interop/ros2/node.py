@@ -26,20 +26,28 @@ from . import interfaces
 TIMEOUT = 60.0
 LOOK_AGAIN = 0.005
 
-# What rmw_cyclonedds_cpp configures for ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST.
-LOCALHOST = """
+# What rmw_cyclonedds_cpp configures for ROS_AUTOMATIC_DISCOVERY_RANGE. Cyclone then takes the first interface
+# that leads out of the host, where there is one.
+RANGES = {
+    'LOCALHOST': """
 <CycloneDDS><Domain>
-  <General>
-    <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
-    <AllowMulticast>false</AllowMulticast>
-  </General>
+  <General><AllowMulticast>false</AllowMulticast></General>
   <Discovery>
     <ParticipantIndex>auto</ParticipantIndex>
     <MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
-    <Peers><Peer Address="127.0.0.1"/></Peers>
+    <Peers><Peer address="localhost"/></Peers>
   </Discovery>
 </Domain></CycloneDDS>
-"""
+""",
+    'SUBNET': """
+<CycloneDDS><Domain>
+  <Discovery>
+    <ParticipantIndex>auto</ParticipantIndex>
+    <MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
+  </Discovery>
+</Domain></CycloneDDS>
+""",
+}
 
 
 class NoAnswer(AssertionError):
@@ -92,8 +100,10 @@ class Context:
     background: so a topic of each type stays too.
     """
 
+    range = 'LOCALHOST'
+
     def __init__(self, domain_id):
-        self._domain = Domain(domain_id, LOCALHOST)
+        self._domain = self.domain(domain_id, RANGES[self.range])
         # rmw announces the enclave in the user data of the participant.
         self.participant = DomainParticipant(
             domain_id, qos=Policies(Policy.Userdata(b'enclave=/;')))
@@ -104,6 +114,12 @@ class Context:
             self.topic('ros_discovery_info',
                        interfaces.message('rmw_dds_common/msg/ParticipantEntitiesInfo')),
             qos=LATCHED.policies())
+
+    @staticmethod
+    @functools.cache
+    def domain(domain_id, settings):
+        """The settings of a domain, which this process can make once."""
+        return Domain(domain_id, settings)
 
     @classmethod
     @functools.cache
@@ -139,10 +155,10 @@ def _gid(entity):
 class Node:
     """A node as `rclpy.create_node` makes one."""
 
-    def __init__(self, name, namespace='/', domain_id=None):
+    def __init__(self, name, namespace='/', domain_id=None, context=None):
         self.name, self.namespace = name, namespace
         self.domain_id = int(os.environ['ROS_DOMAIN_ID']) if domain_id is None else domain_id
-        self._context = Context.of(self.domain_id)
+        self._context = context or Context.of(self.domain_id)
         self.participant = self._context.participant
         self._readers, self._writers = [], []
         self._context.add(self)

@@ -27,6 +27,9 @@ use crate::{
 
 #[derive(Debug)]
 pub struct UDPSender {
+  // Kerf: a group of another interface is out of reach for a participant of this computer alone, also with peers.
+  pub(crate) uses_multicast: bool,
+  only_this_host: bool,
   unicast_socket: UdpSocket,
   // One multicast sender socket per local interface, keyed by the interface it
   // was bound to (its `InterfaceSelector`). This lets us target a single
@@ -79,15 +82,14 @@ impl UDPSender {
     peers: &[Ipv4Addr],
   ) -> io::Result<Self> {
     // Kerf
-    let restrict = |socket: &Socket| match is_only_this_host(only_networks) {
-      true => this_host::send_only(socket, peers),
-      false => Ok(()),
-    };
+    let only_this_host = is_only_this_host(only_networks);
     let unicast_socket = {
-      let saddr: SocketAddr = SocketAddr::new("0.0.0.0".parse().unwrap(), sender_port);
+      let saddr = match only_this_host {
+        true => this_host::source(peers, sender_port),
+        false => SocketAddr::new("0.0.0.0".parse().unwrap(), sender_port),
+      };
       let raw_socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
       Self::set_and_verify_send_buffer(&raw_socket, send_buffer_size);
-      restrict(&raw_socket)?;
       raw_socket.bind(&SockAddr::from(saddr))?;
       let socket = UdpSocket::from(raw_socket);
       // nonblocking-transmit: the socket must never stall the event loop.
@@ -113,7 +115,6 @@ impl UDPSender {
         IpAddr::V4(a) => {
           let raw_socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
           raw_socket.set_multicast_if_v4(&a)?;
-          restrict(&raw_socket)?;
           Self::set_and_verify_send_buffer(&raw_socket, send_buffer_size);
 
           // Handle windows.
@@ -166,6 +167,8 @@ impl UDPSender {
     } // end for
 
     let sender = Self {
+      uses_multicast: !only_this_host,
+      only_this_host: only_this_host && peers.is_empty(),
       unicast_socket,
       multicast_sockets,
       control_queues: RefCell::new(HashMap::new()),
@@ -353,6 +356,11 @@ impl UDPSender {
   }
 
   pub fn send_to_locator_list(&self, buffer: &[u8], ll: &[Locator]) {
+    // Kerf
+    let ll = match self.only_this_host {
+      true => this_host::nearest(ll),
+      false => ll,
+    };
     for loc in ll {
       self.send_to_locator(buffer, loc);
     }

@@ -25,6 +25,7 @@ use crate::{
   messages::submessages::submessages::AckSubmessage,
   network::{
     constant::SPDP_LOCALHOST_PEER_COUNT,
+    this_host::{is_only_this_host, own_addresses},
     udp_listener::UDPListener,
     udp_sender::UDPSender,
     util::{local_interface_table, localhost_spdp_peer_locators, spdp_peer_locators, IfAddr},
@@ -143,6 +144,7 @@ pub struct DPEventLoop {
 
   // Kerf: computers that are looked for by address.
   peers: Arc<[Ipv4Addr]>,
+  only_this_host: bool,
 }
 
 impl DPEventLoop {
@@ -266,6 +268,7 @@ impl DPEventLoop {
       participant_status_sender,
       discovery_command_sender,
       same_host_loopback,
+      only_this_host: same_host_loopback && is_only_this_host(only_networks.as_deref()),
       peers,
     })
   }
@@ -1164,12 +1167,16 @@ impl DPEventLoop {
           SPDP_LOCALHOST_PEER_COUNT,
         ));
       }
-      // Kerf
+      // Kerf: on other computers, and on this one those that leave out the loopback interface. Of these Cyclone DDS
+      // has at most 33.
       destinations.extend(spdp_peer_locators(
         domain_id,
         &self.peers,
         SPDP_LOCALHOST_PEER_COUNT,
       ));
+      if self.only_this_host {
+        destinations.extend(spdp_peer_locators(domain_id, &own_addresses(), 33));
+      }
       new_writer.set_extra_unicast_destinations(destinations);
     }
 

@@ -283,14 +283,6 @@ impl MessageReceiver {
     // Record how this remote participant's traffic reaches us, so route
     // resolution can later narrow sends to the observed interface/address.
     self.record_observation(rtps_message.header.guid_prefix, origin);
-    // Kerf: and those that INFO_SRC names. Participants of one process on Cyclone DDS share their packets.
-    for submessage in &rtps_message.submessages {
-      if let SubmessageBody::Interpreter(InterpreterSubmessage::InfoSource(source, _)) =
-        &submessage.body
-      {
-        self.record_observation(source.guid_prefix, origin);
-      }
-    }
 
     // And process message
     self.handle_parsed_message(rtps_message);

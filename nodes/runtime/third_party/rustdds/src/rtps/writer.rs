@@ -1998,6 +1998,12 @@ impl Writer {
     match self.qos_policies.compliance_failure_wrt(requested_qos) {
       // matched QoS
       None => {
+        // Kerf
+        let mut reader_proxy = reader_proxy.clone();
+        if !self.udp_sender.uses_multicast {
+          reader_proxy.multicast_locator_list.clear();
+        }
+        let reader_proxy = &reader_proxy;
         let new_reader = self.matched_reader_update(reader_proxy);
         // A (possibly new) reliable reader changes the acknowledgement frontier
         // and thus the back-pressure window.
