@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::Semaphore;
 
-/// How long an answer waits for a client's reader.
-const FOUND_WITHIN: Duration = Duration::from_millis(500);
+/// How long an answer waits for a client's reader: as long as discovery may take on a busy computer.
+const FOUND_WITHIN: Duration = Duration::from_secs(3);
 /// Answers that may wait; a further one is sent at once, even if it is lost.
 const WAITING_MAX: usize = 256;
 
