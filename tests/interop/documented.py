@@ -34,10 +34,10 @@ def program_of(page):
     return re.search(r'^```python\n(.*?)^```$', text, re.DOTALL | re.MULTILINE).group(1)
 
 
-def start(machine, program, *words, **environment):
+def start(machine, program, *words):
     """Runs a program in the namespace of the machine."""
     path = machine.file('program.py', program)
-    environment = os.environ | {'ROS_DOMAIN_ID': str(machine.domain_id)} | environment
+    environment = os.environ | {'ROS_DOMAIN_ID': str(machine.domain_id)}
     return subprocess.Popen(
         [sys.executable, '-B', path, *words, '--ros-args', '-r', f'__ns:={machine.namespace}'],
         env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,

@@ -1,11 +1,18 @@
 """The programs in the documentation do what their pages say, as printed, with real rclpy."""
 
+import os
 import signal
+import subprocess
+import time
 
 import pytest
 
 from documented import PART, TOOLS, program_of, start
-from machine import Machine
+from machine import Machine, kerf
+from ros2 import until
+
+# Some two minutes of cutting.
+LONG = 'G21 G90\nG0 X10\n' + 'G1 X110 F600\nX10\n' * 9 + 'M30\n'
 
 
 @pytest.fixture(scope='module')
@@ -14,6 +21,19 @@ def machine():
     made = Machine(time_factor=4, tools=TOOLS, rmw='rmw_fastrtps_cpp').until_idle()
     yield made
     made.stop()
+
+
+def command(machine, *words):
+    """What a command says of the machine."""
+    environment = os.environ | {'ROS_DOMAIN_ID': str(machine.domain_id)}
+    ran = subprocess.run([kerf(), *words, '--ros-args', '-r', f'__ns:={machine.namespace}'],
+                         env=environment, capture_output=True, text=True)
+    return ran.stdout
+
+
+def until_status(machine, *words):
+    """Waits for words in the status of the machine."""
+    until(words, lambda: all(word in command(machine, 'status') for word in words))
 
 
 def test_the_commander_of_the_guide_cuts_two_parts(machine):
@@ -37,7 +57,7 @@ def test_the_commander_says_why_a_program_is_refused(machine):
 
 
 def test_ctrl_c_cancels_the_run_of_the_commander(machine):
-    path = machine.file('slow.ngc', 'G21 G90\nG0 X10\n' + 'G1 X110 F600\nX10\n' * 9 + 'M30\n')
+    path = machine.file('slow.ngc', LONG)
     child = start(machine, program_of('docs/commanding.md'), path)
     # It has its goal's answer with the first feedback.
     while 'line' not in child.stdout.readline():
@@ -46,6 +66,18 @@ def test_ctrl_c_cancels_the_run_of_the_commander(machine):
     said, _ = child.communicate(timeout=60)
     assert child.returncode == 1, said
     assert 'the run is canceled' in said and '(code 313,' in said
+
+
+def test_a_commander_that_is_killed_leaves_the_machine_held(machine):
+    child = start(machine, program_of('docs/commanding.md'), machine.file('slow.ngc', LONG))
+    until_status(machine, 'RUN')
+    # Only who gave signs of life is missed.
+    time.sleep(2)
+    child.kill()
+    child.wait()
+    until_status(machine, 'HOLD', 'COMMANDER_LOST')
+    command(machine, 'abort')
+    until_status(machine, 'IDLE')
 
 
 def test_the_first_program_of_the_documents_runs(machine):

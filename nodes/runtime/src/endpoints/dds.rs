@@ -195,7 +195,7 @@ impl Dds {
         let inner = self.endpoint(topic, dds_type, qos, |topic| {
             self.with_node(&label, |node| node.create_subscription(topic, None))
         })?;
-        Ok(Reader::new(label, Incoming::Dds(DdsSubscription { inner }), has_header))
+        Ok(Reader::new(label, Incoming::Dds(Box::new(DdsSubscription { inner })), has_header))
     }
 
     fn writer(

@@ -42,7 +42,7 @@ pub(crate) enum RawOutgoing {
 
 /// Receives samples of a topic, requests or replies.
 pub(crate) enum Incoming {
-    Dds(DdsSubscription),
+    Dds(Box<DdsSubscription>),
     #[cfg(feature = "zenoh")]
     Zenoh(crate::zenoh::inbox::Receiver),
 }
