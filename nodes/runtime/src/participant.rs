@@ -14,7 +14,7 @@ use crate::rustdds::type_hashes;
 use crate::samples::qos::Qos;
 use crate::session::Joined;
 use ros2_client::{Context, NodeName, NodeOptions};
-use rustdds::{DomainParticipant, DomainParticipantBuilder, PEERS_MAX};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, PEERS_MAX, own_addresses};
 use std::net::{IpAddr, Ipv4Addr, ToSocketAddrs};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -90,7 +90,7 @@ fn participant(
     })
 }
 
-/// The IPv4 addresses of computers. One that has none ends the node: it would wait for a peer in vain.
+/// The IPv4 addresses of other computers. A name without one ends the node: it would wait for a peer in vain.
 fn addresses_of(peers: &[String]) -> Result<Vec<Ipv4Addr>, NodeError> {
     let mut addresses = Vec::new();
     for peer in peers {
@@ -106,7 +106,16 @@ fn addresses_of(peers: &[String]) -> Result<Vec<Ipv4Addr>, NodeError> {
             return Err(failed(&what(), &"it has no IPv4 address"));
         }
     }
-    addresses.truncate(PEERS_MAX);
+    // All computers of a cell may have the same list.
+    let own = own_addresses();
+    addresses.retain(|address| !address.is_loopback() && !own.contains(address));
+    addresses.sort_unstable();
+    addresses.dedup();
+    if addresses.len() > PEERS_MAX {
+        let reason =
+            format!("they have {} addresses; at most {PEERS_MAX} are possible", addresses.len());
+        return Err(failed("the peers of ROS_STATIC_PEERS", &reason));
+    }
     Ok(addresses)
 }
 

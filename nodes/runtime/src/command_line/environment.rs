@@ -135,10 +135,6 @@ impl Environment {
         if let Some(value) = get("ROS_STATIC_PEERS") {
             let peers = value.split(';').map(str::trim).filter(|peer| !peer.is_empty());
             found.static_peers = peers.map(str::to_owned).collect();
-            if found.static_peers.len() > rustdds::PEERS_MAX {
-                let reason = format!("at most {} peers are possible", rustdds::PEERS_MAX);
-                return Err(refuse("ROS_STATIC_PEERS", value, &reason));
-            }
             if found.range == DiscoveryRange::Off {
                 found.warnings.push(
                     "ROS_STATIC_PEERS has no effect with ROS_AUTOMATIC_DISCOVERY_RANGE=OFF"
@@ -154,6 +150,13 @@ impl Environment {
             Some("rmw_zenoh_cpp") if HAS_ZENOH => {
                 found.mapping = ServiceMapping::Queries;
                 found.zenoh = ZenohSettings::read(get)?;
+                if !found.static_peers.is_empty() {
+                    found.warnings.push(
+                        "ROS_STATIC_PEERS has no effect under rmw_zenoh_cpp: name other routers \
+                         in ZENOH_ROUTER_CONFIG_URI"
+                            .to_owned(),
+                    );
+                }
                 if found.range != DiscoveryRange::Localhost {
                     found.warnings.push(
                         "ROS_AUTOMATIC_DISCOVERY_RANGE has no effect under rmw_zenoh_cpp: who \
@@ -277,6 +280,8 @@ mod tests {
         let with = |name, value| read(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp"), (name, value)]);
         let range = with("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET").expect("valid");
         assert!(range.warnings.iter().any(|warning| warning.contains("router")), "{range:?}");
+        let peers = with("ROS_STATIC_PEERS", "10.0.0.2").expect("valid");
+        assert!(peers.warnings.iter().any(|warning| warning.contains("routers")), "{peers:?}");
         assert!(with("ROS_SECURITY_ENABLE", "true").is_err(), "it names no keystore");
         let two = [
             ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp"),
@@ -298,8 +303,6 @@ mod tests {
     fn peers_are_a_list() {
         let peers = |value| read(&[("ROS_STATIC_PEERS", value)]).map(|found| found.static_peers);
         assert_eq!(peers(" 10.0.0.2; mill;").expect("valid"), ["10.0.0.2", "mill"]);
-        let many = "10.0.0.2;".repeat(rustdds::PEERS_MAX + 1);
-        assert!(peers(&many).expect_err("too many").to_string().contains("at most"));
         let off = [("ROS_STATIC_PEERS", "10.0.0.2"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")];
         let off = read(&off).expect("valid");
         assert!(off.static_peers.is_empty() && off.warnings.len() == 1, "{off:?}");

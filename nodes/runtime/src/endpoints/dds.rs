@@ -35,7 +35,6 @@ pub(crate) struct Dds {
     pub(crate) participant: DomainParticipant,
     /// Makes the writers that ros2-client cannot make.
     pub(crate) writers: rustdds::Publisher,
-    /// Limits how fast endpoints are made.
     pub(crate) dropped_publishers: DroppedPublishers,
     pub(crate) environment: Environment,
 }
@@ -169,7 +168,7 @@ impl Dds {
         self.endpoint(&format!("rt{name}"), &dds_type(type_name, ""), qos, make)
     }
 
-    /// Makes an endpoint on a DDS topic, when the rate limit allows it.
+    /// Makes an endpoint on a DDS topic.
     fn endpoint<R>(
         &self,
         topic: &str,
@@ -195,7 +194,7 @@ impl Dds {
         let inner = self.endpoint(topic, dds_type, qos, |topic| {
             self.with_node(&label, |node| node.create_subscription(topic, None))
         })?;
-        Ok(Reader::new(label, Incoming::Dds(Box::new(DdsSubscription { inner })), has_header))
+        Ok(Reader::new(label, Incoming::Dds(DdsSubscription { inner }), has_header))
     }
 
     fn writer(

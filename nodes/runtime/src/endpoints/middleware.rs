@@ -41,8 +41,9 @@ pub(crate) enum RawOutgoing {
 }
 
 /// Receives samples of a topic, requests or replies.
+#[allow(clippy::large_enum_variant, reason = "there is one for each subscription")]
 pub(crate) enum Incoming {
-    Dds(Box<DdsSubscription>),
+    Dds(DdsSubscription),
     #[cfg(feature = "zenoh")]
     Zenoh(crate::zenoh::inbox::Receiver),
 }

@@ -1,12 +1,9 @@
 //! Limits the memory of a process.
 //!
-//! Any peer can make the DDS layer allocate without bound. So each process that uses DDS has a
-//! bound of its own, and exits above it: a flood restarts that process and nothing else. The
+//! Any peer can make the DDS layer take more and more: it may announce endpoints without end. So each process that
+//! uses DDS has a bound of its own, and exits above it: a flood restarts that process and nothing else. The
 //! kernel refuses allocations far above the bound at once
 //! (`RLIMIT_DATA`): the process aborts with "memory allocation of N bytes failed".
-//!
-//! The reports: docs/upstream/rustdds-data-frag-size.md, docs/upstream/rustdds-heartbeat-range.md,
-//! docs/upstream/rustdds-gap-range.md and docs/upstream/rustdds-nack-frag.md.
 
 use crate::parameters::common::{MEMORY_MB_LEAST, MEMORY_MB_MAX, MEMORY_MB_USUAL};
 use std::fs::{File, read_to_string};

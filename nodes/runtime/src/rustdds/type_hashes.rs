@@ -56,7 +56,9 @@ fn difference(types: &TypesOfTopic<'_>) -> Option<String> {
 /// The hash in the user data of an endpoint, a list of `key=value;`.
 fn type_hash(user_data: &[u8]) -> Option<&str> {
     let text = std::str::from_utf8(user_data).ok()?;
-    text.split(';').find_map(|entry| entry.trim_matches('\0').strip_prefix("typehash="))
+    let hash = text.split(';').find_map(|it| it.trim_matches('\0').strip_prefix("typehash="))?;
+    // One of another kind says nothing about ours.
+    hash.starts_with("RIHS01_").then_some(hash)
 }
 
 /// The user data of an endpoint, by the DDS name of its type: for services that of the request or response, as
@@ -107,13 +109,14 @@ mod tests {
         for same in [own.as_str(), "", "odd", "\u{fffd}", &format!("enclave=/;{own}"), "typehash"] {
             assert_eq!(difference(Some(STRING), STRING, same), None, "{same}");
         }
+        assert_eq!(difference(Some(STRING), STRING, "typehash=RIHS02_0;"), None);
         let other = own.replace("RIHS01_", "RIHS01_0");
         let text = difference(Some(STRING), STRING, &other).expect("another hash");
         assert!(text.contains("RIHS01_0") && text.contains("rt/said"), "{text}");
         let text =
             difference(Some(STRING), "std_msgs::msg::dds_::Bool_", "").expect("another type");
         assert!(text.contains("Bool_") && text.contains("String_"), "{text}");
-        // Types that are not built in are compared by name, and one of ours that goes is matched with nobody anew.
+        // Types that are not built in are compared by name. One of ours that goes hears nothing more.
         assert_eq!(difference(Some("odd"), "odd", &other), None);
         assert_eq!(difference(None, "odd", &other), None);
     }

@@ -179,7 +179,7 @@ mod checked_impl;
 pub mod discovery; // to access some Discovered data in e.g. ros2-client crate
 mod messages;
 mod network;
-pub use network::this_host::PEERS_MAX; // Kerf
+pub use network::this_host::{own_addresses, PEERS_MAX}; // Kerf
 pub use polling::LoopTurns; // Kerf
 mod rtps;
 

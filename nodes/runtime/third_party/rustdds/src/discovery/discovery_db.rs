@@ -101,6 +101,10 @@ fn move_by_guid_prefix<D>(
   }
 }
 
+// Kerf: participants that are known at once, and endpoints that are remembered of those that went without a word.
+const PARTICIPANTS_MAX: usize = 1024;
+const ATTIC_MAX: usize = 4096;
+
 pub(crate) fn discovery_db_read(
   discovery_db: &Arc<RwLock<DiscoveryDB>>,
 ) -> RwLockReadGuard<'_, DiscoveryDB> {
@@ -174,6 +178,11 @@ impl DiscoveryDB {
 
     let mut new_participant = false;
     if !self.participant_proxies.contains_key(&guid.prefix) {
+      // Kerf
+      if self.participant_proxies.len() >= PARTICIPANTS_MAX {
+        error!("Participant {guid:?} is one too many and is not taken");
+        return false;
+      }
       info!("New remote participant: {:?}", data);
       new_participant = true;
       if guid == self.my_guid {
@@ -247,6 +256,13 @@ impl DiscoveryDB {
         &mut self.external_topic_writers,
         &mut self.external_topic_writers_attic,
       );
+      // Kerf: most of those never come back.
+      if self.external_topic_readers_attic.len() > ATTIC_MAX {
+        self.external_topic_readers_attic.clear();
+      }
+      if self.external_topic_writers_attic.len() > ATTIC_MAX {
+        self.external_topic_writers_attic.clear();
+      }
     }
   }
 

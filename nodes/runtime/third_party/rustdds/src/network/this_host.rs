@@ -1,7 +1,8 @@
 //! Kerf: a participant that only this computer reaches, and peers that it knows by address.
 //!
 //! `with_only_networks([127.0.0.1])` means this computer alone. The kernel then drops what comes from elsewhere before
-//! the socket has it, and refuses to send elsewhere from the address 127.0.0.1. A packet to an address of this computer
+//! the socket has it, and sends nothing elsewhere from the address 127.0.0.1 (unless somebody has set `route_localnet`,
+//! and then only what a peer of this computer asks for). A packet to an address of this computer
 //! goes over the loopback interface, whatever interface has the address.
 
 use std::{
@@ -21,8 +22,8 @@ pub(crate) fn is_only_this_host(only_networks: Option<&[IpAddr]>) -> bool {
   only_networks.is_some_and(|networks| networks.iter().all(IpAddr::is_loopback))
 }
 
-/// The addresses of this computer but for those of the loopback interface.
-pub(crate) fn own_addresses() -> Vec<Ipv4Addr> {
+/// The addresses that this computer has now, but for those of the loopback interface.
+pub fn own_addresses() -> Vec<Ipv4Addr> {
   let interfaces = netdev::get_interfaces();
   let addresses = interfaces
     .iter()
@@ -49,17 +50,19 @@ pub(crate) fn nearest(locators: &[Locator]) -> &[Locator] {
 /// From now on the socket receives nothing but from this computer and from these peers; the reason where the kernel
 /// cannot do that.
 ///
-/// A packet to this computer from itself comes over the loopback interface. One to a multicast group of another
-/// interface is heard there, from an address of this computer, which the kernel takes from nobody else.
+/// A packet to this computer from itself comes over the loopback interface, or is the copy of one that it has sent to a
+/// multicast group on another interface. The kernel marks such copies, and nothing that comes from outside.
 #[cfg(target_os = "linux")]
 pub(crate) fn receive_only(socket: &Socket, peers: &[Ipv4Addr]) -> io::Result<()> {
   use socket2::SockFilter;
-  // Of linux/bpf_common.h and linux/filter.h.
+  // Of linux/bpf_common.h, linux/filter.h and linux/if_packet.h.
   const LOAD_WORD: u16 = 0x20;
   const JUMP_IF_EQUAL: u16 = 0x15;
   const RETURN: u16 = 0x06;
+  const PACKET_TYPE: u32 = -0x1000_i32 as u32 + 4;
   const INTERFACE_INDEX: u32 = -0x1000_i32 as u32 + 8;
   const SOURCE_ADDRESS: u32 = -0x10_0000_i32 as u32 + 12;
+  const OWN_COPY: u32 = 5;
   let interfaces = netdev::get_interfaces();
   let loopback = interfaces
     .iter()
@@ -71,18 +74,17 @@ pub(crate) fn receive_only(socket: &Socket, peers: &[Ipv4Addr]) -> io::Result<()
       peers.len()
     )));
   }
-  let mut sources = peers.to_vec();
-  // What has more addresses is found by fewer of them.
-  sources.extend(own_addresses().into_iter().take(PEERS_MAX));
-  let count = sources.len() as u8;
-  let mut filter = vec![
-    SockFilter::new(LOAD_WORD, 0, 0, INTERFACE_INDEX),
-    // To the end, over what looks for sources.
-    SockFilter::new(JUMP_IF_EQUAL, count + 2, 0, loopback.index),
-    SockFilter::new(LOAD_WORD, 0, 0, SOURCE_ADDRESS),
+  let mut sources = vec![
+    (INTERFACE_INDEX, loopback.index),
+    (PACKET_TYPE, OWN_COPY),
   ];
-  for (source, after) in sources.into_iter().zip((1..=count).rev()) {
-    filter.push(SockFilter::new(JUMP_IF_EQUAL, after, 0, source.into()));
+  sources.extend(peers.iter().map(|it| (SOURCE_ADDRESS, u32::from(*it))));
+  let mut filter = Vec::new();
+  for (at, (place, value)) in sources.iter().enumerate() {
+    // Over the pairs that follow, and the first of the two ends.
+    let to_end = 2 * (sources.len() - at - 1) as u8 + 1;
+    filter.push(SockFilter::new(LOAD_WORD, 0, 0, *place));
+    filter.push(SockFilter::new(JUMP_IF_EQUAL, to_end, 0, *value));
   }
   filter.push(SockFilter::new(RETURN, 0, 0, 0));
   filter.push(SockFilter::new(RETURN, 0, 0, u32::MAX));

@@ -76,6 +76,9 @@ pub(crate) enum EventLoopCommand {
   PrepareStop,
 }
 
+/// Kerf: packets that are read from a socket before they are handled.
+const PACKETS_AT_ONCE: usize = 64;
+
 pub struct DPEventLoop {
   domain_info: DomainInfo,
   poll: Poll,
@@ -347,17 +350,24 @@ impl DPEventLoop {
               | USER_TRAFFIC_MUL_LISTENER_TOKEN => {
                 // Edge-triggered: read until WouldBlock. A cap would leave
                 // datagrams sitting with no further readiness event.
-                let udp_messages = ev_wrapper.udp_listeners.get_mut(&token).map_or_else(
-                  || {
+                // Kerf: some at a time. All of them at once take memory without end where they come as fast as they are
+                // read.
+                loop {
+                  let Some(listener) = ev_wrapper.udp_listeners.get_mut(&token) else {
                     error!("No listener with token {:?}", token);
-                    vec![]
-                  },
-                  |l| l.messages_bounded(usize::MAX),
-                );
-                for (packet, origin) in udp_messages {
-                  ev_wrapper
-                    .message_receiver
-                    .handle_received_packet(&packet, origin);
+                    break;
+                  };
+                  let udp_messages = listener.messages_bounded(PACKETS_AT_ONCE);
+                  let is_drained = udp_messages.len() < PACKETS_AT_ONCE;
+                  for (packet, origin) in udp_messages {
+                    ev_wrapper
+                      .message_receiver
+                      .handle_received_packet(&packet, origin);
+                  }
+                  if is_drained {
+                    break;
+                  }
+                  ev_wrapper.waker.count_turn();
                 }
               }
               LOOP_WAKE_TOKEN => {
@@ -914,18 +924,20 @@ impl DPEventLoop {
       let topic_data = &remote_reader.subscription_topic_data;
       if topic_data.topic_name() == writer.topic_name() {
         // Kerf
-        let db = discovery_db_read(&self.discovery_db);
-        let local = db.get_local_topic_writer(writer.guid());
+        let local_type = discovery_db_read(&self.discovery_db)
+          .get_local_topic_writer(writer.guid())
+          .map(|it| it.publication_topic_data.type_name.clone());
+        let remote = remote_reader.reader_proxy.remote_reader_guid;
         if !has_same_type(&TypesOfTopic {
           topic: topic_data.topic_name(),
-          local_type: local.map(|it| it.publication_topic_data.type_name.as_str()),
+          local_type: local_type.as_deref(),
           remote_type: topic_data.type_name(),
           remote_user_data: &remote_reader.user_data,
-          remote: remote_reader.reader_proxy.remote_reader_guid,
+          remote,
         }) {
+          writer.reader_lost(remote);
           continue;
         }
-        drop(db);
         #[cfg(not(feature = "security"))]
         let match_to_reader = true;
         #[cfg(feature = "security")]
@@ -1018,18 +1030,20 @@ impl DPEventLoop {
       let topic_data = &remote_writer.publication_topic_data;
       if &topic_data.topic_name == reader.topic_name() {
         // Kerf
-        let db = discovery_db_read(&self.discovery_db);
-        let local = db.get_local_topic_reader(reader.guid());
+        let local_type = discovery_db_read(&self.discovery_db)
+          .get_local_topic_reader(reader.guid())
+          .map(|it| it.subscription_topic_data.type_name().clone());
+        let remote = remote_writer.writer_proxy.remote_writer_guid;
         if !has_same_type(&TypesOfTopic {
           topic: &topic_data.topic_name,
-          local_type: local.map(|it| it.subscription_topic_data.type_name().as_str()),
+          local_type: local_type.as_deref(),
           remote_type: &topic_data.type_name,
           remote_user_data: &remote_writer.user_data,
-          remote: remote_writer.writer_proxy.remote_writer_guid,
+          remote,
         }) {
+          reader.remove_writer_proxy(remote);
           continue;
         }
-        drop(db);
         #[cfg(not(feature = "security"))]
         let match_to_writer = true;
         #[cfg(feature = "security")]
@@ -1175,7 +1189,9 @@ impl DPEventLoop {
         SPDP_LOCALHOST_PEER_COUNT,
       ));
       if self.only_this_host {
-        destinations.extend(spdp_peer_locators(domain_id, &own_addresses(), 33));
+        let mut own = own_addresses();
+        own.truncate(8);
+        destinations.extend(spdp_peer_locators(domain_id, &own, 33));
       }
       new_writer.set_extra_unicast_destinations(destinations);
     }

@@ -26,6 +26,8 @@ use crate::{
 // Kerf: the longest sample that is put together, and what all that are unfinished take in this process.
 const MAX_SAMPLE_BYTES: usize = 32 * 1024 * 1024;
 const MAX_UNFINISHED_BYTES: usize = 4 * MAX_SAMPLE_BYTES;
+// Of an entry without its bytes.
+const UNFINISHED_OVERHEAD: usize = 512;
 static UNFINISHED_BYTES: AtomicUsize = AtomicUsize::new(0);
 
 // Its bytes count as unfinished until it is dropped.
@@ -79,7 +81,7 @@ impl AssemblyBuffer {
     }
 
     // Kerf: a fragment says how long its sample is, whoever sent it.
-    let budget = Budget::take(data_size + fragment_count.div_ceil(8))?;
+    let budget = Budget::take(data_size + fragment_count.div_ceil(8) + UNFINISHED_OVERHEAD)?;
     let buffer_bytes = BytesMut::zeroed(data_size);
 
     let now = Timestamp::now();
@@ -270,6 +272,10 @@ impl FragmentAssembler {
 
     if !assembly_buffer.insert_frags(datafrag, frag_size) {
       error!("new_datafrag: rejected invalid DATAFRAG for {sn:?}");
+      // Kerf: nothing is kept for a fragment that does not fit.
+      if assembly_buffer.received_bitmap.none() {
+        self.assembly_buffers.remove(&sn);
+      }
       return None;
     }
 

@@ -595,9 +595,8 @@ impl Reader {
     // Kerf: as with DATA, nothing is taken of a writer that is not matched, and nothing twice.
     if !self.like_stateless && self.entity_id() != EntityId::SPDP_BUILTIN_PARTICIPANT_READER {
       match self.matched_writer_mut(writer_guid) {
-        Some(writer_proxy) if writer_proxy.should_ignore_change(seq_num) => return,
-        None if writer_guid.entity_id.entity_kind.is_user_defined() => return,
-        _ => {}
+        Some(writer_proxy) if !writer_proxy.should_ignore_change(seq_num) => {}
+        _ => return,
       }
     }
     //trace!("DATAFRAG received topic={:?}", self.topic_name);
@@ -659,9 +658,9 @@ impl Reader {
         writer_guid,
         writer_seq_num,
       );
-    } else {
-      self.garbage_collect_fragments();
     }
+    // Kerf: also where samples are complete in one fragment.
+    self.garbage_collect_fragments();
   }
 
   fn fragment_assembler_mutable(

@@ -235,7 +235,9 @@ impl RtpsWriterProxy {
   pub fn set_irrelevant_change(&mut self, seq_num: SequenceNumber) {
     // If sequence number is still in the relevant range,
     // insert not_available marker
-    if seq_num >= self.ack_base {
+    // Kerf: where there is room, as in irrelevant_changes_range.
+    let has_room = self.changes.len() < MAX_TRACKED_CHANGES_PER_WRITER;
+    if seq_num == self.ack_base || (seq_num > self.ack_base && has_room) {
       self.changes.insert(seq_num, None);
     }
 
@@ -477,6 +479,9 @@ mod bounded_map_tests {
     // Nothing that is still missing is given up.
     assert_eq!(wp.all_ackable_before(), SequenceNumber::new(1));
     assert_eq!(wp.missing_seqnums(SequenceNumber::new(1), end).len(), 99);
+    // Nor do single numbers find room.
+    wp.set_irrelevant_change(SequenceNumber::new(1 << 61));
+    assert_eq!(wp.tracked_changes_count(), MAX_TRACKED_CHANGES_PER_WRITER);
     // Once all before it is there, the same GAP is taken whole.
     wp.irrelevant_changes_range(SequenceNumber::new(1), SequenceNumber::new(100));
     wp.irrelevant_changes_range(wp.all_ackable_before(), end);

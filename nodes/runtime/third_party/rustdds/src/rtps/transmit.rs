@@ -36,6 +36,9 @@ use crate::structure::{guid::GuidPrefix, locator::Locator};
 /// occasional stray packets on a secondary interface.
 pub(crate) const STICKY_SWITCH_MARGIN: Duration = Duration::from_secs(30);
 
+/// Kerf: participants whose routes are remembered.
+const OBSERVED_MAX: usize = 1024;
+
 /// Identifies a local network interface to use as the egress for multicast.
 ///
 /// Modelled as the interface's IP address for now; the enum leaves room for an
@@ -219,6 +222,10 @@ impl InterfaceObservations {
     iface: Option<InterfaceSelector>,
     source: SocketAddr,
   ) {
+    // Kerf: a prefix is whatever a packet says. Without an entry all addresses of a participant are used.
+    if self.by_participant.len() >= OBSERVED_MAX && !self.by_participant.contains_key(&prefix) {
+      return;
+    }
     self
       .by_participant
       .entry(prefix)

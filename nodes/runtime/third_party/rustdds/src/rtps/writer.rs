@@ -2125,7 +2125,11 @@ impl Writer {
           // With Durabilty::Volatile QoS we won't send the sequence numbers which existed
           // before matching with this reader. Therefore we set the reader as pending GAP
           // for all existing sequence numbers
-          new_proxy.set_pending_gap_up_to(self.send_buffer.last_change_sequence_number());
+          // Kerf: but for those that are not kept any more, which are answered with a GAP before the first that is.
+          new_proxy.set_pending_gap(
+            self.send_buffer.first_change_sequence_number(),
+            self.send_buffer.last_change_sequence_number(),
+          );
         } else if let (true, Some(History::KeepLast { depth })) =
           (self.my_guid.entity_id.entity_kind.is_user_defined(), self.qos_policies.history)
         {
