@@ -1417,6 +1417,7 @@ mod tests {
         None,
         0,
         true,
+        Arc::new([]),
         reader_ready,
         writer_ready,
         waker,
