@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from programs import SLOW, MachineState, load, states, until_state
-from ros2 import DEFAULT, LATCHED, ActionClient, Node, interfaces, message, until
+from ros2 import DEFAULT, LATCHED, ActionClient, Node, Qos, interfaces, message, until
 from ros2.node import Context
 
 # Sends a goal, says its id and waits for ever.
@@ -72,6 +72,13 @@ def loaded(node):
     return load(node, text=SLOW, name='slow.ngc')
 
 
+def load_and_run(node):
+    load(node, text=SLOW, name='slow.ngc')
+    goal = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program').send_goal()
+    until_state(node, MachineState.STATE_RUN)
+    return goal
+
+
 def test_a_client_that_is_killed_leaves_its_goal_and_its_result(node, loaded, commander):
     until_state(node, MachineState.STATE_RUN)
     commander.kill()
@@ -120,6 +127,24 @@ def test_another_version_of_a_type_is_passed_over_and_told_once(
     assert 'panicked' not in machine.log()
 
 
+def test_an_endpoint_whose_type_has_another_hash_is_not_connected(machine, node):
+    until_state(node, MachineState.STATE_IDLE)
+    other = 'RIHS01_' + 64 * '0'
+    with machine.node('stranger') as stranger:
+        kind = message('std_msgs/msg/Bool')
+        # Cyclone itself does not compare hashes.
+        publisher = stranger.publisher(kind, 'feed_hold', Qos(type_hash=other))
+        publisher.wait_for_subscribers()
+        until('a word in the log', lambda: other in machine.log())
+        assert 'build both with the same definitions' in machine.log()
+        goal = load_and_run(node)
+        for _ in range(20):
+            publisher.publish(kind(data=True))
+        assert MachineState.STATE_HOLD not in [state.state for state in states(node).collect(20)]
+        goal.cancel()
+        goal.result()
+
+
 def test_a_publisher_of_another_type_does_not_disturb_the_right_one(machine, node):
     until_state(node, MachineState.STATE_IDLE)
     with machine.node('stranger') as stranger:
@@ -128,9 +153,7 @@ def test_a_publisher_of_another_type_does_not_disturb_the_right_one(machine, nod
         for _ in range(20):
             wrong.publish(message('std_msgs/msg/Float64')(data=1.0))
         assert until_state(node, MachineState.STATE_IDLE)
-        load(node, text=SLOW, name='slow.ngc')
-        goal = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program').send_goal()
-        until_state(node, MachineState.STATE_RUN)
+        goal = load_and_run(node)
         right.publish(message('std_msgs/msg/Bool')(data=True))
         until_state(node, MachineState.STATE_HOLD)
         goal.cancel()

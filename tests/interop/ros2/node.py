@@ -73,9 +73,13 @@ class Qos:
     reliable: bool = True
     transient_local: bool = False
     depth: int = 10
+    # What is announced of the type.
+    type_hash: str = ''
 
     def policies(self):
+        user_data = f'typehash={self.type_hash};' if self.type_hash else ''
         return Policies(
+            Policy.Userdata(user_data.encode()),
             Policy.Reliability.Reliable(duration(milliseconds=100)) if self.reliable
             else Policy.Reliability.BestEffort,
             Policy.Durability.TransientLocal if self.transient_local

@@ -16,6 +16,7 @@ use crate::process::time::RosTime;
 use crate::rustdds::dropped_publishers::DroppedPublishers;
 use crate::rustdds::padded::Padded;
 use crate::rustdds::received::AsReceived;
+use crate::rustdds::type_hashes::type_hash;
 use crate::samples::gid::Gid;
 use crate::samples::qos::Qos;
 use crate::samples::sample::{Received, RequestId, Sample, SampleInfo};
@@ -242,7 +243,7 @@ impl Dds {
                     },
                     deadline_ns: data.deadline.and_then(|deadline| nanos(deadline.0)),
                     lifespan_ns: data.lifespan.and_then(|lifespan| nanos(lifespan.duration)),
-                    type_hash: type_hash(&writer.user_data),
+                    type_hash: type_hash(&writer.user_data).map(str::to_owned),
                     gid: data.key.into(),
                 })
             })
@@ -286,29 +287,5 @@ fn sample((received, info): (Received, MessageInfo)) -> Sample {
         request: info
             .related_request_id()
             .map(|id| RequestId { client: id.writer_gid.into(), sequence: id.sequence_number }),
-    }
-}
-
-/// `typehash=RIHS01_...;` in the data that a ROS middleware adds to an
-/// endpoint, after its length.
-fn type_hash(user_data: &[u8]) -> Option<String> {
-    let text = String::from_utf8_lossy(user_data.get(4..)?);
-    let (_, rest) = text.split_once("typehash=")?;
-    let (hash, _) = rest.split_once(';')?;
-    hash.starts_with("RIHS01_").then(|| hash.to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_type_hash_is_found_after_its_length() {
-        let mut data = vec![18, 0, 0, 0];
-        data.extend_from_slice(b"typehash=RIHS01_df66;");
-        assert_eq!(type_hash(&data).as_deref(), Some("RIHS01_df66"));
-        for data in [&b""[..], b"abc", b"\0\0\0\0typehash=;", b"\0\0\0\0typehash=RIHS01_df"] {
-            assert_eq!(type_hash(data), None);
-        }
     }
 }

@@ -54,9 +54,9 @@ fn difference(types: &TypesOfTopic<'_>) -> Option<String> {
 }
 
 /// The hash in the user data of an endpoint, a list of `key=value;`.
-fn type_hash(user_data: &[u8]) -> Option<&str> {
+pub(crate) fn type_hash(user_data: &[u8]) -> Option<&str> {
     let text = std::str::from_utf8(user_data).ok()?;
-    let hash = text.split(';').find_map(|it| it.trim_matches('\0').strip_prefix("typehash="))?;
+    let hash = text.split(';').find_map(|entry| entry.strip_prefix("typehash="))?;
     // One of another kind says nothing about ours.
     hash.starts_with("RIHS01_").then_some(hash)
 }

@@ -67,6 +67,11 @@ fn user_data_of(type_name: &str) -> Option<Vec<u8>> {
   USER_DATA_OF_TYPE.get()?(type_name)
 }
 
+// Kerf: without its length and padding.
+fn content_of_user_data(ctx: speedy::Endianness, value: &[u8]) -> Vec<u8> {
+  Vec::<u8>::read_from_buffer_with_ctx(ctx, value).unwrap_or_default()
+}
+
 /// Kerf: what an endpoint of ours and one of a peer on the same topic say of its type.
 #[derive(Debug, Clone, Copy)]
 pub struct TypesOfTopic<'a> {
@@ -461,7 +466,7 @@ impl PlCdrDeserialize for DiscoveredReaderData {
     let user_data = pl_map
       .get(&ParameterId::PID_USER_DATA)
       .and_then(|v| v.first())
-      .map(|p| p.value.clone())
+      .map(|p| content_of_user_data(ctx, &p.value))
       .unwrap_or_default();
 
     Ok(DiscoveredReaderData {
@@ -926,7 +931,7 @@ impl PlCdrDeserialize for DiscoveredWriterData {
     let user_data = pl_map
       .get(&ParameterId::PID_USER_DATA)
       .and_then(|v| v.first())
-      .map(|p| p.value.clone())
+      .map(|p| content_of_user_data(ctx, &p.value))
       .unwrap_or_default();
 
     Ok(DiscoveredWriterData {
