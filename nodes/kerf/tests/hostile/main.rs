@@ -1,5 +1,5 @@
-//! Nodes that are stopped and continued, killed, or sent packets that the DDS layer cannot
-//! handle: each is noticed, and the stack answers again. On the loopback interface alone.
+//! Nodes that are stopped and continued, killed, or sent packets of RTPS with numbers beyond all measure:
+//! the stack answers again. On the loopback interface alone.
 
 #![allow(clippy::print_stderr, reason = "what was measured is in the log of the tests")]
 

@@ -799,6 +799,11 @@ impl DPEventLoop {
     // route falls back to multicast). Reflection in the DiscoveryDB (recognizing
     // our own announcements) is kept; only self send-matching is skipped.
 
+    // Kerf: it was not skipped.
+    if self.is_own(participant_guid_prefix) {
+      return;
+    }
+
     // Update local writers, i.e. reader_proxies inside them
     for (writer_eid, reader_eid, reader_endpoint_set_elem, reader_qos) in &readers_init_list {
       if let Some(writer) = self.writers.get_mut(writer_eid) {
@@ -869,6 +874,12 @@ impl DPEventLoop {
     debug!("update_participant - finished for {participant_guid_prefix:?}");
   }
 
+  /// Kerf: a participant does not hear itself. On the loopback interface alone it never did, because it had no address that it
+  /// sent to.
+  fn is_own(&self, prefix: GuidPrefix) -> bool {
+    prefix == self.domain_info.domain_participant_guid.prefix
+  }
+
   fn remote_participant_lost(&mut self, participant_guid_prefix: GuidPrefix) {
     info!(
       "remote_participant_lost guid_prefix={:?}",
@@ -919,6 +930,10 @@ impl DPEventLoop {
         },
       })
       .unwrap_or_else(|e| error!("Cannot report participant status: {e:?}"));
+
+    if self.is_own(remote_reader.reader_proxy.remote_reader_guid.prefix) {
+      return;
+    }
 
     for writer in self.writers.values_mut() {
       let topic_data = &remote_reader.subscription_topic_data;
@@ -1024,6 +1039,10 @@ impl DPEventLoop {
         },
       })
       .unwrap_or_else(|e| error!("Cannot report participant status: {e:?}"));
+
+    if self.is_own(remote_writer.writer_proxy.remote_writer_guid.prefix) {
+      return;
+    }
 
     // update writer proxies in local readers
     for reader in self.message_receiver.available_readers.values_mut() {
