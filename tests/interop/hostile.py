@@ -7,7 +7,7 @@ import time
 
 # Participants that are looked for on the loopback interface.
 PARTICIPANTS = 12
-# The endpoints that announce writers; every participant has both, and is matched with itself.
+# The endpoints that announce writers; every participant has both, matched with those of all others.
 READER, WRITER = bytes((0, 0, 3, 0xc7)), bytes((0, 0, 3, 0xc2))
 
 

@@ -10,7 +10,7 @@ pub(crate) type Prefix = [u8; 12];
 
 /// Participants that are looked for on the loopback interface.
 const PARTICIPANTS: u16 = 12;
-/// The endpoints that announce writers; every participant has both, and is matched with itself.
+/// The endpoints that announce writers; every participant has both, and they are matched with those of all others.
 const READER: [u8; 4] = [0, 0, 3, 0xc7];
 const WRITER: [u8; 4] = [0, 0, 3, 0xc2];
 

@@ -799,8 +799,8 @@ impl DPEventLoop {
     // route falls back to multicast). Reflection in the DiscoveryDB (recognizing
     // our own announcements) is kept; only self send-matching is skipped.
 
-    // Kerf: it was not skipped.
-    if self.is_own(participant_guid_prefix) {
+    // Kerf
+    if self.is_skipped(participant_guid_prefix) {
       return;
     }
 
@@ -874,10 +874,10 @@ impl DPEventLoop {
     debug!("update_participant - finished for {participant_guid_prefix:?}");
   }
 
-  /// Kerf: a participant does not hear itself. On the loopback interface alone it never did, because it had no address that it
-  /// sent to.
-  fn is_own(&self, prefix: GuidPrefix) -> bool {
-    prefix == self.domain_info.domain_participant_guid.prefix
+  /// Kerf: a participant for this computer alone does not hear itself. It never did where it had no other address than
+  /// that of the loopback interface. Of another one, the multicast of SPDP goes by its match with itself.
+  fn is_skipped(&self, prefix: GuidPrefix) -> bool {
+    !self.udp_sender.uses_multicast && prefix == self.domain_info.domain_participant_guid.prefix
   }
 
   fn remote_participant_lost(&mut self, participant_guid_prefix: GuidPrefix) {
@@ -931,7 +931,7 @@ impl DPEventLoop {
       })
       .unwrap_or_else(|e| error!("Cannot report participant status: {e:?}"));
 
-    if self.is_own(remote_reader.reader_proxy.remote_reader_guid.prefix) {
+    if self.is_skipped(remote_reader.reader_proxy.remote_reader_guid.prefix) {
       return;
     }
 
@@ -1040,7 +1040,7 @@ impl DPEventLoop {
       })
       .unwrap_or_else(|e| error!("Cannot report participant status: {e:?}"));
 
-    if self.is_own(remote_writer.writer_proxy.remote_writer_guid.prefix) {
+    if self.is_skipped(remote_writer.writer_proxy.remote_writer_guid.prefix) {
       return;
     }
 
