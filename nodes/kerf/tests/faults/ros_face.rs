@@ -76,10 +76,11 @@ fn check(blow: Blow) {
     let states = messages::<MachineState>(&bag);
     let last = states.last().expect("states were recorded");
     assert_eq!(last.state, MachineState::STATE_IDLE, "{last:?}");
-    let recordings = messages::<Recording>(&bag);
-    let short = recordings.iter().find(|recording| !recording.complete);
-    assert_eq!(short, None, "the record misses something");
-    cell.machine.kerf(&["replay", &bag.display().to_string()]).expect(0);
+    // A node does not hear itself, so that the recorder's own word on it is in the bag's metadata alone.
+    assert!(messages::<Recording>(&bag).is_empty(), "the recorder hears itself");
+    let bag = bag.display().to_string();
+    cell.machine.kerf(&["bag", "info", &bag]).expect(0).says(&["complete:    yes"]);
+    cell.machine.kerf(&["replay", &bag]).expect(0);
     cell.runs_again();
 }
 

@@ -1998,7 +1998,8 @@ impl Writer {
     match self.qos_policies.compliance_failure_wrt(requested_qos) {
       // matched QoS
       None => {
-        // Kerf
+        // Kerf: where this participant does not send to groups, a peer is reached by its addresses, whatever group it
+        // announces.
         let mut reader_proxy = reader_proxy.clone();
         if !self.udp_sender.uses_multicast {
           reader_proxy.multicast_locator_list.clear();
