@@ -94,7 +94,7 @@ fn participant(
 fn addresses_of(peers: &[String]) -> Result<Vec<Ipv4Addr>, NodeError> {
     let mut addresses = Vec::new();
     for peer in peers {
-        let what = || format!("the peer {peer} of ROS_STATIC_PEERS");
+        let what = || format!("a participant with the peer {peer} of ROS_STATIC_PEERS");
         let found =
             (peer.as_str(), 0).to_socket_addrs().map_err(|error| failed(&what(), &error))?;
         let before = addresses.len();
@@ -114,7 +114,7 @@ fn addresses_of(peers: &[String]) -> Result<Vec<Ipv4Addr>, NodeError> {
     if addresses.len() > PEERS_MAX {
         let reason =
             format!("they have {} addresses; at most {PEERS_MAX} are possible", addresses.len());
-        return Err(failed("the peers of ROS_STATIC_PEERS", &reason));
+        return Err(failed("a participant with the peers of ROS_STATIC_PEERS", &reason));
     }
     Ok(addresses)
 }
