@@ -54,6 +54,10 @@ def test_a_parameter_that_is_not_there_is_not_set(loader):
     assert loader.types('nothing') == [ParameterType.PARAMETER_NOT_SET]
 
 
+def test_an_answer_of_a_megabyte_arrives(driver):
+    assert driver.get(*['frame_prefix', 'baud'] * 10_000) == ['', 115_200] * 10_000
+
+
 def test_names_are_listed_by_prefix(driver):
     assert driver.list('baud').names == ['baud']
     assert driver.list('no_such_prefix').names == []

@@ -136,6 +136,8 @@ def test_parameters_and_lifecycle_as_of_any_node(machine, node):
     parameters = ParameterClient(node, 'axis_driver')
     assert 'baud' in parameters.list().names
     assert parameters.get('baud') == [115_200]
+    # A request and an answer that are far longer than a datagram.
+    assert parameters.get(*['baud'] * 20_000) == [115_200] * 20_000
     [result] = parameters.set(commander_timeout_ms=2500)
     assert result.successful, result.reason
     [result] = parameters.set(baud=9600)

@@ -13,7 +13,7 @@
 //!
 //! - Publishing returns at once. A sample that the transport cannot take is dropped and
 //!   counted; the count is reported with a rate limit.
-//! - Over DDS nothing longer than a datagram is sent, not even on request.
+//! - Nothing longer than 16 MiB is sent, not even on request.
 //! - A sample of another type than the topic's is counted, reported once per
 //!   sender, and skipped. No input from outside makes a node panic.
 //! - Every call has a deadline, and distinguishes "no server" from "no answer".

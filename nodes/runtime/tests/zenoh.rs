@@ -54,7 +54,7 @@ impl Place {
 async fn samples_arrive_in_order_with_sender_number_and_times() {
     let place = Place::new();
     let (left, right) = (place.start("left"), place.start("right"));
-    // Longer than a datagram, which DDS does not carry.
+    // Far longer than a datagram.
     let (publisher, subscription) = common::samples_pass(&left, &right, 3_000_000).await;
     // The other side notices that it is gone.
     assert_eq!(publisher.subscribers(), 1);

@@ -51,6 +51,12 @@ def test_every_node_is_in_the_graph_active_and_has_described_parameters(machine,
         assert len(values) == len(listed)
 
 
+def test_an_answer_of_a_megabyte_arrives(machine, peer):
+    asked = ['baud'] * 20_000
+    values = peer.call(GetParameters, 'axis_driver/get_parameters', names=asked).values
+    assert [it.integer_value for it in values] == [115_200] * len(asked)
+
+
 @pytest.mark.parametrize('kind, topic', [
     (Program, 'program'),
     (ProgrammedContour, 'programmed_contour'),

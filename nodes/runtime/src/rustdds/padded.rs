@@ -5,12 +5,9 @@
 //! every payload before RustDDS gets it.
 //! The report: docs/upstream/rustdds-fragment-padding.md.
 
+use crate::samples::check_length;
 use serde::ser::SerializeTuple;
 use serde::{Serialize, Serializer};
-
-/// The longest message, bytes: it fits a datagram. Other DDS implementations lose
-/// longer ones. No request of a peer may make a node send one.
-pub(crate) const BYTES_MAX: usize = 64_000;
 
 /// The padding after so many bytes, to a multiple of four.
 fn padding(bytes: usize) -> usize {
@@ -28,9 +25,7 @@ impl Padded {
     /// The payload of a header, which may be empty, and a body.
     pub(crate) fn new(header: &[u8], body: &[u8]) -> Result<Self, String> {
         let len = header.len() + body.len();
-        if len > BYTES_MAX {
-            return Err(format!("a message of {len} bytes; at most {BYTES_MAX} can be sent"));
-        }
+        check_length(len)?;
         let mut bytes = Vec::with_capacity(len + padding(len));
         bytes.extend_from_slice(header);
         bytes.extend_from_slice(body);
@@ -70,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_is_a_multiple_of_four_and_no_longer_than_a_datagram() {
+    fn what_is_sent_is_a_multiple_of_four() {
         for length in 0..40 {
             let body = cdr::body(&"x".repeat(length));
             let payload = Padded::new(&[7; 16], &body).expect("it is short");
@@ -79,8 +74,5 @@ mod tests {
             assert!(bytes.starts_with(&[7; 16]) && bytes[16..].starts_with(&body), "{length}");
             assert!(bytes.len() < 16 + body.len() + 4, "{length}");
         }
-        assert!(Padded::new(&[], &[0; 64_000]).is_ok());
-        let error = Padded::new(&[0; 16], &[0; 63_985]).expect_err("one byte too many");
-        assert!(error.contains("64001 bytes") && error.contains("64000"), "{error}");
     }
 }

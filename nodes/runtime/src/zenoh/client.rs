@@ -2,6 +2,7 @@
 
 use crate::process::lock;
 use crate::process::time::RosTime;
+use crate::samples::check_length;
 use crate::samples::gid::Gid;
 use crate::samples::sample::{RequestId, Sample, SampleInfo};
 use crate::zenoh::attachment::{Attachment, encapsulated, received};
@@ -9,7 +10,6 @@ use crate::zenoh::discovery::Announced;
 use crate::zenoh::inbox::Inbox;
 use crate::zenoh::link::beside_other_tasks;
 use crate::zenoh::names::gid_of;
-use crate::zenoh::publisher::BYTES_MAX;
 use std::sync::{Arc, Mutex};
 use tokio::sync::oneshot;
 use zenoh::Wait;
@@ -49,12 +49,7 @@ impl Requests {
     /// Sends the CDR of a request; returns its number, and what says that a reply has come, or is closed
     /// when none will: the server has it no more, or the link to it was lost.
     pub(crate) fn send(&mut self, body: &[u8]) -> Result<(i64, oneshot::Receiver<()>), String> {
-        if body.len() > BYTES_MAX {
-            return Err(format!(
-                "a request of {} bytes; at most {BYTES_MAX} can be sent",
-                body.len()
-            ));
-        }
+        check_length(body.len())?;
         self.sequence += 1;
         let request = RequestId { client: self.gid, sequence: self.sequence };
         let attachment = Attachment {

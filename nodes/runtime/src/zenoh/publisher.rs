@@ -2,16 +2,13 @@
 
 use crate::process::lock;
 use crate::process::time::RosTime;
+use crate::samples::check_length;
 use crate::samples::gid::Gid;
 use crate::zenoh::attachment::{Attachment, encapsulated};
 use crate::zenoh::discovery::Announced;
 use std::sync::Mutex;
 use zenoh::Wait;
 use zenoh_ext::AdvancedPublisher;
-
-/// The longest message, in bytes. Zenoh splits what is longer than a packet; no subscriber of ours
-/// takes more than this.
-pub(crate) const BYTES_MAX: usize = 16 << 20;
 
 /// With or without a memory for late subscribers.
 pub(crate) enum Writer {
@@ -40,12 +37,7 @@ impl Publisher {
 
     /// Sends the little-endian CDR of a message. Where a peer does not take it, it is dropped there.
     pub(crate) fn publish(&self, body: &[u8]) -> Result<(), String> {
-        if body.len() > BYTES_MAX {
-            return Err(format!(
-                "a message of {} bytes; at most {BYTES_MAX} can be sent",
-                body.len()
-            ));
-        }
+        check_length(body.len())?;
         let payload = encapsulated(body);
         let mut sequence = lock(&self.sequence);
         let attachment = Attachment {

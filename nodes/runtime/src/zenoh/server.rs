@@ -2,6 +2,7 @@
 
 use crate::process::lock;
 use crate::process::time::RosTime;
+use crate::samples::check_length;
 use crate::samples::sample::{RequestId, Sample, SampleInfo};
 use crate::zenoh::attachment::{Attachment, encapsulated, received};
 use crate::zenoh::discovery::Discovery;
@@ -85,8 +86,11 @@ impl Answers {
         let Some(Pending { wire_gid, query, .. }) = waiting else { return };
         let source_time = RosTime::wall().as_nanos();
         let attachment = Attachment { sequence: to.sequence, source_time, wire_gid };
-        let reply = query.reply(&*self.key, encapsulated(response)).attachment(attachment.bytes());
-        let sent = beside_other_tasks(|| reply.wait());
+        let sent = check_length(response.len()).and_then(|()| {
+            let reply = query.reply(&*self.key, encapsulated(response));
+            let reply = reply.attachment(attachment.bytes());
+            beside_other_tasks(|| reply.wait()).map_err(|error| error.to_string())
+        });
         if let Err(error) = sent {
             tracing::warn!("an answer of {} was not sent: {error}", self.key);
         }
