@@ -28,15 +28,15 @@ TOOLS = '''tools:
 '''
 
 
-def program_of(page):
-    """The first Python program on a page."""
+def program_of(page, number=0):
+    """A Python program on a page, the first one of it."""
     text = (ROOT / page).read_text()
-    return re.search(r'^```python\n(.*?)^```$', text, re.DOTALL | re.MULTILINE).group(1)
+    return re.findall(r'^```python\n(.*?)^```$', text, re.DOTALL | re.MULTILINE)[number]
 
 
 def start(machine, program, *words):
     """Runs a program in the namespace of the machine."""
-    path = machine.file('program.py', program)
+    path = machine.file(f'program{abs(hash(program))}.py', program)
     environment = os.environ | {'ROS_DOMAIN_ID': str(machine.domain_id)}
     return subprocess.Popen(
         [sys.executable, '-B', path, *words, '--ros-args', '-r', f'__ns:={machine.namespace}'],

@@ -5,7 +5,7 @@
 
 use axis_driver::driver::{
     Command, Driver, DriverConfig, Input, MoveResult, OffsetRequest, Output, ProbesOfRun, Refusal,
-    RunRequest, RunResult,
+    RunRequest, RunResult, UserFunctionCall,
 };
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::further::FurtherAxes;
@@ -48,6 +48,8 @@ pub struct Line {
     pub settings: Option<axis_driver::driver::ControllerSettings>,
     /// What probes have found, where a run waited for its plan.
     pub probes: Vec<ProbesOfRun>,
+    /// Functions of the user that runs have called.
+    pub calls: Vec<UserFunctionCall>,
     /// What the driver wrote, with the time it wrote it.
     pub written: Vec<(Duration, Vec<u8>)>,
     pub log: Vec<String>,
@@ -78,6 +80,7 @@ impl Line {
             moved: None,
             settings: None,
             probes: Vec::new(),
+            calls: Vec::new(),
             written: Vec::new(),
             log: Vec::new(),
             time_left: None,
@@ -127,6 +130,7 @@ impl Line {
                 }
                 Output::MoveFinished(result) => self.moved = Some(result),
                 Output::Probes(found) => self.probes.push(found),
+                Output::UserFunction(call) => self.calls.push(call),
                 Output::Settings(settings) => self.settings = Some(settings),
                 Output::Log { message, .. } => self.log.push(message),
                 Output::State(state) => {

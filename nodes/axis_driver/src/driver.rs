@@ -48,6 +48,7 @@ pub use context::ros_loss::{OnRosLoss, ROS_LOST};
 pub use manual::lines::{JogFrame, JogRequest, OffsetRequest, ProbeRequest};
 pub use output::{
     ControllerSettings, LogLevel, MoveResult, Offset, Output, ProbesOfRun, RunOutcome, RunResult,
+    UserFunctionCall,
 };
 pub use run::replan::ReplanRequest;
 pub use run::request::{MDI, RunRequest};

@@ -17,6 +17,7 @@ mod problem;
 mod restart;
 mod resume;
 mod thread;
+mod user_function;
 pub(crate) mod words;
 
 use crate::link::LineKind;
@@ -38,6 +39,7 @@ pub use config::{Board, EncoderConfig, Homing};
 pub use problem::{EncodeError, EncodeProblem};
 pub use restart::{StartProblem, start_at};
 pub(crate) use thread::{check_pace, no_spindle_sync, shares};
+pub use user_function::{CalledFunction, UserFunction};
 
 /// One line and where it comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +84,11 @@ pub enum EncoderStep {
     },
     /// Motion ends, and what follows is planned from the results of the probes before.
     Stretch {
+        source: Source,
+    },
+    /// Motion ends, a node of the cell does this, and the program goes on.
+    UserFunction {
+        function: UserFunction,
         source: Source,
     },
     /// Motion ends, these axes are homed by this line, and the program goes on.

@@ -20,6 +20,7 @@ mod source;
 mod stretches;
 mod traffic;
 mod tuning;
+mod user_functions;
 mod viewers;
 mod waiting;
 
@@ -30,7 +31,7 @@ pub use viewers::settings_to_wire;
 
 use crate::driver::{
     COMMANDER_LOST, ControllerSettings, LogLevel, Output, PATH_DEVIATION, ProbesOfRun, ROS_LOST,
-    Refusal,
+    Refusal, UserFunctionCall,
 };
 use crate::journal::{Order, ReplanOrder};
 use crate::motion::{self, FACE_VARIABLE};
@@ -52,6 +53,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot, watch};
 use traffic::Traffic;
+use user_functions::UserFunctions;
 use viewers::Viewers;
 use waiting::Waiting;
 
@@ -105,6 +107,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     let zero = RosTime::from_nanos(welcome.zero_wall_ns);
     let publisher = node.publisher("controller_traffic", Qos::EVENTS)?;
     let traffic = Traffic::new(publisher, zero, welcome.publish_from);
+    let (calls, called) = mpsc::unbounded_channel();
     let driver = Arc::new(RemoteDriver {
         node: node.clone(),
         motion: Arc::clone(&motion),
@@ -119,10 +122,12 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         recorder: follow::Recorder::default(),
         last_beat: follow::LastBeat::default(),
         programs: node.client("program/get_chunks")?,
+        user_functions: user_functions::client(&node)?,
         keep_out: keep_out(|name| node.parameter::<ParameterValue>(name))
             .map_err(|error| format!("keep_out: {error}"))?,
         run_results: node.publisher("run_result", Qos::LATCHED)?,
         probes: watch::Sender::default(),
+        calls,
     });
     let viewers = Viewers::new(&node)?;
     for event in events {
@@ -182,6 +187,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
     })?;
     services::offer_tool_change(&node, &driver, &paths)?;
     stretches::follow(&node, &driver, &paths)?;
+    user_functions::follow(&node, &driver, called);
     tuning::follow(&node, &driver, is_tuned);
     follow::follow(&node, &driver)?;
     actions::offer(&node, &driver, paths)?;
@@ -246,12 +252,15 @@ struct RemoteDriver {
     last_beat: follow::LastBeat,
     /// Texts of programs.
     programs: Client<GetProgramChunks>,
+    user_functions: UserFunctions,
     /// What the tool must not touch.
     keep_out: KeepOut,
     /// How the last run ended.
     run_results: Publisher<RunResultMessage>,
     /// What the probes of a run that waits for its plan have found.
     probes: watch::Sender<Option<ProbesOfRun>>,
+    /// What runs wait for that a node of the cell does.
+    calls: mpsc::UnboundedSender<UserFunctionCall>,
 }
 
 impl RemoteDriver {
@@ -319,6 +328,7 @@ impl RemoteDriver {
             Output::Reply { id, result } => self.waiting().replies.end(id, result),
             Output::RunFinished(result) => self.waiting().runs.end(result.id, result),
             Output::Probes(found) => drop(self.probes.send_replace(Some(found))),
+            Output::UserFunction(call) => drop(self.calls.send(call)),
             Output::MoveFinished(result) => self.waiting().moves.end(result.id, result),
             Output::Settings(settings) => {
                 let ControllerSettings { firmware, version, .. } = &settings;

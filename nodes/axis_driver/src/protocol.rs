@@ -9,6 +9,7 @@
 //! messages of its own: [`Wish`] and [`Answer`].
 
 use crate::driver::{Output, Refusal};
+use crate::encoder::CalledFunction;
 use crate::journal::Entry;
 use cnc_msgs::cdr;
 use cnc_msgs::machine::MachineState;
@@ -16,7 +17,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Of all messages in this file.
-pub const VERSION: u16 = 3;
+pub const VERSION: u16 = 4;
 /// The longest message, bytes: a chunk of a path takes 60 kB, a record of a single block more.
 pub const FRAME_BYTES_MAX: usize = 1 << 20;
 /// Bytes of the length before each message.
@@ -81,6 +82,7 @@ pub enum ToFace {
     PathTaken {
         program_id: String,
         revision: u64,
+        functions: Vec<CalledFunction>,
     },
     PathRefused {
         program_id: String,
@@ -103,8 +105,17 @@ pub struct Welcome {
     pub is_first: bool,
     /// The first entry that has not gone out on the topic.
     pub publish_from: u64,
-    /// The paths that are here, by program, revision and checksum.
-    pub paths: Vec<(String, u64, String)>,
+    /// The paths that are here.
+    pub paths: Vec<PathHere>,
+}
+
+/// A path that is here.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PathHere {
+    pub program_id: String,
+    pub revision: u64,
+    pub sha256: String,
+    pub functions: Vec<CalledFunction>,
 }
 
 /// Said several times a second.
@@ -260,7 +271,12 @@ mod tests {
                 next_id: 17,
                 is_first: false,
                 publish_from: 2,
-                paths: vec![("p".into(), 3, "sum".into())],
+                paths: vec![PathHere {
+                    program_id: "p".into(),
+                    revision: 3,
+                    sha256: "sum".into(),
+                    functions: Vec::new(),
+                }],
             }),
             ToFace::Kept { key: "lifecycle".into(), value: vec![3].into() },
             ToFace::Restored,

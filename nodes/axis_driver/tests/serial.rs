@@ -179,6 +179,7 @@ impl Shell {
                     Output::Progress { .. }
                     | Output::MoveFinished(_)
                     | Output::Probes(_)
+                    | Output::UserFunction(_)
                     | Output::Settings(_)
                     | Output::Log { .. }
                     | Output::Transmit(_) => {}

@@ -112,6 +112,7 @@ pub(crate) fn replay(
         },
         is_single_block: run.is_single_block,
         cues: &cues,
+        functions: run.functions(),
         track,
     };
     let bags = match out {

@@ -64,6 +64,9 @@ impl Iterator for Lines {
             Ok(EncoderStep::Stretch { source }) => {
                 ("what follows a probe is planned".to_owned(), source.line)
             }
+            Ok(EncoderStep::UserFunction { function, source }) => {
+                (format!("the cell does {function}"), source.line)
+            }
             Ok(EncoderStep::CheckStart) => ("check of the start".to_owned(), 0),
             Ok(EncoderStep::CheckReturn { .. }) => ("check of the way back".to_owned(), 0),
             Err(error) => {

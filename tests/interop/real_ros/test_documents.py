@@ -80,6 +80,43 @@ def test_a_commander_that_is_killed_leaves_the_machine_held(machine):
     until_status(machine, 'IDLE')
 
 
+def run(machine, text):
+    """Loads and runs a program by command; status and what was said."""
+    path = machine.file('called.ngc', text)
+    environment = os.environ | {'ROS_DOMAIN_ID': str(machine.domain_id)}
+    said = ''
+    for words in (['load', path], ['run']):
+        ran = subprocess.run(
+            [kerf(), *words, '--ros-args', '-r', f'__ns:={machine.namespace}'],
+            env=environment, capture_output=True, text=True, timeout=120)
+        said += ran.stdout + ran.stderr
+        if ran.returncode != 0:
+            break
+    return ran.returncode, said
+
+
+def test_the_cell_does_the_functions_of_the_user(machine):
+    called = 'G21 G90\nG1 X1 F3000\nM101 P2\nX2\nM101 P3\nM30\n'
+    status, said = run(machine, called)
+    assert status != 0 and 'line 3: M101 P2: ' in said and 'nobody offers' in said, said
+    child = start(machine, program_of('docs/commanding.md', 1))
+    try:
+        for tries in range(20):
+            status, said = run(machine, called)
+            if status == 0:
+                break
+            time.sleep(1)
+        assert status == 0, said
+        status, said = run(machine, called.replace('P3', ''))
+        assert status != 0 and 'line 5: M101: this cell has M101 with P' in said, said
+    finally:
+        child.send_signal(signal.SIGINT)
+    said, _ = child.communicate(timeout=60)
+    assert [line for line in said.splitlines() if 'robot' in line] == [
+        f'line {line}: the robot takes the part of place {place}'
+        for line, place in ((3, 2), (5, 3))], said
+
+
 def test_the_first_program_of_the_documents_runs(machine):
     path = machine.file('bracket.ngc', 'G21 G90\nG0 X5\nG1 X15 F3000\nM30\n')
     program = program_of('docs/ros.md').replace('/parts/bracket.ngc', path)

@@ -135,8 +135,9 @@ impl Bench {
                     self.record(format!("reply {id} {result:?}"));
                     self.orders.on_reply(id, result.is_ok());
                 }
-                // Nobody plans what follows: the run ends after a minute.
+                // Nobody plans what follows, or does the function: the run ends after a minute.
                 Output::Probes(found) => self.record(format!("{found:?}")),
+                Output::UserFunction(call) => self.record(format!("{call:?}")),
                 Output::RunFinished(result) => {
                     self.record(format!("{result:?}"));
                     self.succeeded += u64::from(result.outcome == RunOutcome::Succeeded);

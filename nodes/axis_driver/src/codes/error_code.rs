@@ -60,3 +60,5 @@ pub const PATH_DEVIATION: u16 = 329;
 pub const TRAVEL: u16 = 330;
 /// The tool would touch a keep-out box.
 pub const KEEP_OUT: u16 = 331;
+/// A function of the user (M100 to M199) was not done, or nobody offers it.
+pub const USER_FUNCTION: u16 = 332;

@@ -61,6 +61,9 @@ pub enum Command {
     /// The program of the run that waits in revision `of` has been read on from what its probes have
     /// found: its id with that, or why it is refused.
     ProgramContinued { of: u64, answer: Result<String, String> },
+    /// A function that this run has called (its number `call`) is done, with what is to be said of it, or
+    /// why it is not.
+    UserFunctionEnded { run: u64, call: u32, answer: Result<String, String> },
     /// Runs the path of a single block, from idle; answered as a run is.
     ExecuteMdi { path: Arc<CompensatedPath> },
     /// Whether the machine stops after every block. It takes effect at the end of
@@ -141,13 +144,16 @@ impl Driver {
                 Command::ConfirmToolChange { objection } => self.confirm_tool_change(objection),
                 Command::Replan(request) => self.replan(id, request),
                 Command::ProgramContinued { of, answer } => self.on_program_continued(of, answer),
+                Command::UserFunctionEnded { run, call, answer } => {
+                    self.on_user_function((run, call), answer)
+                }
                 Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
                 Command::SetSingleBlock(is_on) => self.set_single_block(is_on),
                 Command::Activate => self.activate(),
                 Command::Deactivate => self.deactivate(id),
                 Command::Shutdown => self.shut_down(id),
                 Command::SetConfig(config) => self.set_config(*config),
-                Command::RosFace { is_there } => self.context.on_ros_face(is_there),
+                Command::RosFace { is_there } => self.on_ros_face(is_there),
             }
         };
         if let Some(result) = answer {

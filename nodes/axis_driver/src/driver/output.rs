@@ -1,6 +1,7 @@
 //! What the driver gives to the process around it.
 
 use super::answer::Refusal;
+use crate::encoder::UserFunction;
 use crate::firmware::Firmware;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
@@ -23,6 +24,8 @@ pub enum Output {
     RunFinished(RunResult),
     /// The run waits until what follows is planned from what its probes have found.
     Probes(ProbesOfRun),
+    /// The run waits until this is done.
+    UserFunction(UserFunctionCall),
     /// The accepted jog or probe is over.
     MoveFinished(MoveResult),
     /// What the controller reported about itself, when it was connected and after a change.
@@ -61,6 +64,17 @@ pub struct ProbesOfRun {
     pub line: u32,
     /// In the order of the run.
     pub results: Vec<ProbeResult>,
+}
+
+/// A function of the user that a run waits for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct UserFunctionCall {
+    /// The command that began the run, and the how many-th call of it this is.
+    pub run: u64,
+    pub call: u32,
+    pub program_id: String,
+    pub line: u32,
+    pub function: UserFunction,
 }
 
 /// How a jog or a probe ended.

@@ -18,13 +18,14 @@ mod start;
 mod stream;
 mod time_left;
 pub(super) mod tool_change;
+mod user_function;
 mod watch;
 pub(super) mod workplace;
 
 use super::context::Context;
 use super::context::machine::Machine;
 use crate::cycle_time::CycleTime;
-use crate::encoder::{EncodedLine, Encoder, EncoderStep};
+use crate::encoder::{EncodedLine, Encoder, EncoderStep, UserFunction};
 use crate::envelope::Beginning;
 use crate::machine_limits::StoredOffsets;
 use crate::tracker::Tracker;
@@ -41,6 +42,7 @@ use request::RunRequest;
 use std::time::Duration;
 use time_left::TimeLeft;
 use tool_change::ToolChange;
+use user_function::Calling;
 use watch::RunWatch;
 use workplace::WorkplaceCheck;
 
@@ -82,6 +84,8 @@ pub(super) struct ProgramRun {
     watch: RunWatch,
     /// What its probes have found.
     probed: Vec<ProbeResult>,
+    /// Functions of the user that it has called.
+    calls: u32,
 }
 
 /// What is encoded and waits for room.
@@ -142,6 +146,8 @@ enum Stage {
         /// Why the run does not go on with it.
         refused: Option<String>,
     },
+    /// A node of the cell does something.
+    Calling(Calling),
     /// A block has ended in single block mode.
     BlockEnd(BlockOfLine),
 }
@@ -172,6 +178,11 @@ enum Then {
     Probed(Probing),
     /// Plan what follows this block from the results of the probes before.
     Stretch {
+        source: Source,
+    },
+    /// Have a node of the cell do this.
+    UserFunction {
+        function: UserFunction,
         source: Source,
     },
     /// The axes are home.
@@ -227,6 +238,7 @@ impl ProgramRun {
             judged_again: None,
             watch: RunWatch::default(),
             probed: Vec::new(),
+            calls: 0,
         }
     }
 
@@ -321,7 +333,8 @@ impl ProgramRun {
             | Stage::Preparing { until }
             | Stage::Positioning { until }
             | Stage::Homing { until, .. }
-            | Stage::AwaitingPlan { until, .. } => Some(*until),
+            | Stage::AwaitingPlan { until, .. }
+            | Stage::Calling(Calling { until, .. }) => Some(*until),
             _ => None,
         }
     }
@@ -363,6 +376,10 @@ impl ProgramRun {
                 let line = self.job.line_of(*source);
                 state.reason =
                     format!("PROBE: what follows is being planned from its result ({line})");
+            }
+            Stage::Calling(calling) if state.mode == Mode::Idle => {
+                state.mode = Mode::Run;
+                state.reason = self.calling_reason(calling);
             }
             Stage::Probing(probing) if matches!(state.mode, Mode::Idle | Mode::Run) => {
                 state.mode = Mode::Run;

@@ -127,6 +127,28 @@ impl Driver {
         done("heard")
     }
 
+    /// Takes what a node says of a function of the user.
+    pub(super) fn on_user_function(
+        &mut self,
+        call: (u64, u32),
+        answer: Result<String, String>,
+    ) -> Answer {
+        if let Phase::Running(run) = &mut self.phase {
+            let exit = run.on_user_function(&mut self.context, call, answer);
+            self.leave_run(exit);
+        }
+        done("heard")
+    }
+
+    /// The ROS side has come or gone.
+    pub(super) fn on_ros_face(&mut self, is_there: bool) -> Answer {
+        if let (Phase::Running(run), false) = (&mut self.phase, is_there) {
+            let exit = run.lose_user_function();
+            self.leave_run(exit);
+        }
+        self.context.on_ros_face(is_there)
+    }
+
     pub(super) fn cancel_run(&mut self, run: Option<u64>) -> Answer {
         if let Some(answer) = self.cancel_paused(run) {
             return answer;

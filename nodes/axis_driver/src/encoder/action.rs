@@ -131,9 +131,7 @@ impl Encoder {
                 self.push_action("G4P0".into(), kind, false, source)
             }
             Action::Home { axes } => self.encode_home(axes, source),
-            Action::Auxiliary { .. } => {
-                Err(EncodeProblem::Unsupported { word: event.action.text() })
-            }
+            Action::Auxiliary { .. } => self.encode_auxiliary(&event.action, source),
         }
     }
 

@@ -29,6 +29,9 @@ pub struct EncoderConfig {
     /// Whether the controller changes tools itself (`M6`), where it can.
     #[serde(default)]
     pub controller_changes_tools: bool,
+    /// Whether functions of the user (M100 to M199) are called.
+    #[serde(default)]
+    pub has_user_functions: bool,
     /// What the controller can home; it reports this.
     #[serde(default)]
     pub homing: Homing,
@@ -108,6 +111,7 @@ impl Default for EncoderConfig {
             line_numbers: false,
             approach_z_mm: None,
             controller_changes_tools: false,
+            has_user_functions: true,
             homing: Homing::default(),
             board: Board::default(),
         }

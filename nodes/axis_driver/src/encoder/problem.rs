@@ -87,6 +87,11 @@ pub enum EncodeProblem {
         120.0 / max
     )]
     SlowThread { word: String, max: f64 },
+    #[error(
+        "{word} calls a function of the user, and user_function_s_max is 0: set this parameter to the longest \
+         time that one may take"
+    )]
+    NoUserFunctions { word: String },
     #[error("this controller has no {word}")]
     Unsupported { word: String },
     #[error("{word} comes after the end of the program in line {end}")]

@@ -54,6 +54,7 @@ fn text_of(step: &EncoderStep) -> String {
         EncoderStep::ToolChange { tool, .. } => format!("(T{tool})"),
         EncoderStep::CheckStart => "(start)".into(),
         EncoderStep::Stretch { .. } => "(stretch)".into(),
+        EncoderStep::UserFunction { function, .. } => format!("({function})"),
         EncoderStep::Probe { line, .. } => format!("({})", line.text),
         EncoderStep::ControllerChange { tool, .. } => format!("(T{tool} by the controller)"),
         EncoderStep::CheckReturn { .. } => "(return)".into(),

@@ -142,6 +142,11 @@ enum CommandForm {
         of: u64,
         answer: Result<String, String>,
     },
+    UserFunctionEnded {
+        run: u64,
+        call: u32,
+        answer: Result<String, String>,
+    },
     /// The path has no program that it could be found by.
     ExecuteMdi(mdi::PathRecord),
     SetSingleBlock {
@@ -208,6 +213,9 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         },
         Command::ProgramContinued { of, answer } => {
             CommandForm::ProgramContinued { of: *of, answer: answer.clone() }
+        }
+        Command::UserFunctionEnded { run, call, answer } => {
+            CommandForm::UserFunctionEnded { run: *run, call: *call, answer: answer.clone() }
         }
         Command::ExecuteMdi { path } => CommandForm::ExecuteMdi(mdi::PathRecord::of(path)),
         Command::SetSingleBlock(on) => CommandForm::SetSingleBlock { on: *on },
@@ -279,6 +287,9 @@ pub fn command_from_json(
             Command::Replan(ReplanRequest { program_id, of, revision, path })
         }
         CommandForm::ProgramContinued { of, answer } => Command::ProgramContinued { of, answer },
+        CommandForm::UserFunctionEnded { run, call, answer } => {
+            Command::UserFunctionEnded { run, call, answer }
+        }
         CommandForm::ExecuteMdi(record) => Command::ExecuteMdi { path: Arc::new(record.path()?) },
         CommandForm::SetSingleBlock { on } => Command::SetSingleBlock(on),
         CommandForm::Activate => Command::Activate,

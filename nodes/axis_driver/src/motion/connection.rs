@@ -3,6 +3,7 @@
 use super::hub::{Hub, News, log, ns};
 use super::memory::{Collected, PathRefusal, refusal};
 use super::reading::read;
+use crate::encoder::CalledFunction;
 use crate::protocol::{Deframer, ProtocolError, ToFace, ToMotion, VERSION, Welcome, frame};
 use cnc_msgs::cdr;
 use cnc_msgs::path::CompensatedPath;
@@ -175,9 +176,10 @@ pub(super) fn check_paths(hub: &Hub, jobs: &Receiver<Unchecked>, check: Check) {
         hub.paths(|paths| paths.forget(bytes));
         let answer = match checked {
             Ok(path) => {
+                let functions = CalledFunction::all_of(&path);
                 hub.paths(|paths| paths.put(&manifest, path));
                 let (program_id, revision) = (manifest.program_id, manifest.revision);
-                ToFace::PathTaken { program_id, revision }
+                ToFace::PathTaken { program_id, revision, functions }
             }
             Err(PathRefusal { program_id, revision, message }) => {
                 ToFace::PathRefused { program_id, revision, message }

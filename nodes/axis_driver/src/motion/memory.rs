@@ -4,6 +4,8 @@
 //! commands ended, the newest state and settings, the paths.
 
 use crate::driver::{Command, ControllerSettings, Output};
+use crate::encoder::CalledFunction;
+use crate::protocol::PathHere;
 use crate::serial::Event;
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::machine::MachineState;
@@ -117,6 +119,8 @@ impl Memory {
             Output::RunFinished(_) | Output::MoveFinished(_) => self.keep_end(event),
             Output::Transmit(_)
             | Output::Progress { .. }
+            // A face that ends takes the answer with it, and the run ends.
+            | Output::UserFunction(_)
             | Output::ReadyToClose
             | Output::Log { .. } => {}
         }
@@ -263,10 +267,14 @@ impl Paths {
         newest_first.find(is_meant).map(|held| Arc::clone(&held.path))
     }
 
-    /// By program, revision and checksum.
-    pub(super) fn list(&self) -> Vec<(String, u64, String)> {
-        let name = |held: &Held| (held.program_id.clone(), held.revision, held.sha256.clone());
-        self.newest_last.iter().map(name).collect()
+    pub(super) fn list(&self) -> Vec<PathHere> {
+        let here = |held: &Held| PathHere {
+            program_id: held.program_id.clone(),
+            revision: held.revision,
+            sha256: held.sha256.clone(),
+            functions: CalledFunction::all_of(&held.path),
+        };
+        self.newest_last.iter().map(here).collect()
     }
 }
 

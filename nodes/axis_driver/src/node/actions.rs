@@ -3,6 +3,7 @@
 use super::path::{Paths, Planned};
 use super::run_start;
 use super::source;
+use super::user_functions;
 use super::{RemoteDriver, Reply};
 use crate::codes::error_code;
 use crate::driver::{Command, MDI, Refusal, RunOutcome, RunResult};
@@ -169,6 +170,7 @@ async fn begin(
         return Err(Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message });
     }
     let in_span = run_start::ask(planner, &planned, (goal.start_line, goal.occurrence)).await?;
+    user_functions::check(driver, &planned.program_id, &planned.functions).await?;
     if offer.is_canceled() {
         let message = "it was canceled before it began".into();
         return Err(Refusal { error_code: error_code::CANCELED, message });

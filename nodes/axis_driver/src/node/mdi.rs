@@ -5,9 +5,10 @@
 //! they answer from standstill to standstill, or nothing at all.
 
 use super::actions::{CANCEL_WITHIN, PROVE_WITHIN};
-use super::{RemoteDriver, Reply, reply_fields};
+use super::{RemoteDriver, Reply, reply_fields, user_functions};
 use crate::codes::error_code;
-use crate::driver::{Command, Refusal, RunOutcome};
+use crate::driver::{Command, MDI, Refusal, RunOutcome};
+use crate::encoder::CalledFunction;
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::interface::Service;
 use cnc_msgs::machine::Mode;
@@ -79,6 +80,7 @@ async fn execute(driver: &RemoteDriver, advisers: &Advisers, request: &ExecuteMd
         return refuse(error_code::START_POSITION, "the position of the tool is not known yet");
     };
     let (path, warnings) = advise(advisers, request, start).await?;
+    user_functions::check(driver, MDI, &CalledFunction::all_of(&path)).await?;
     let is_still = path.elements.is_empty() && path.events.is_empty();
     let message = match warnings.as_slice() {
         [] => String::new(),

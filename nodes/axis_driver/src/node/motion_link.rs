@@ -6,6 +6,7 @@
 // This is where the clock and the thread of the connection are.
 #![allow(clippy::disallowed_methods, clippy::disallowed_types)]
 
+use crate::encoder::CalledFunction;
 use crate::journal::{Entry, Order, order_to_json};
 use crate::protocol::{Deframer, ToFace, ToMotion, VERSION, Vital, Welcome, frame};
 use crate::serial::{Dropped, Event};
@@ -60,7 +61,7 @@ pub(super) enum FromMotion {
     Path {
         program_id: String,
         revision: u64,
-        taken: Result<(), String>,
+        taken: Result<Vec<CalledFunction>, String>,
     },
 }
 
@@ -118,8 +119,8 @@ impl MotionLink {
                 }
                 ToFace::Entries(entries) => hand_on(FromMotion::Entries(entries)),
                 ToFace::Vital(vital) => self.newest().vital = vital,
-                ToFace::PathTaken { program_id, revision } => {
-                    hand_on(FromMotion::Path { program_id, revision, taken: Ok(()) });
+                ToFace::PathTaken { program_id, revision, functions } => {
+                    hand_on(FromMotion::Path { program_id, revision, taken: Ok(functions) });
                 }
                 ToFace::PathRefused { program_id, revision, message } => {
                     hand_on(FromMotion::Path { program_id, revision, taken: Err(message) });

@@ -114,6 +114,13 @@ pub(crate) fn declared() -> Vec<Declared> {
              elsewhere (Z last if it is above); otherwise the confirmation is refused",
         ),
         Declared::new(
+            "user_function_s_max",
+            integer(config.user_function_s_max),
+            "the longest that a function of the user (M100 to M199, service user_function) may take, s; 0: none is \
+             called",
+        )
+        .integer_within(0, 86_400),
+        Declared::new(
             "on_commander_loss",
             "hold",
             "what to do when commander_heartbeat stops during a run: continue, hold or \
@@ -266,6 +273,8 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
         check_in_controller: bool("check_in_controller", default.check_in_controller),
         require_recording: bool("require_recording", default.require_recording),
         tool_change_return: bool("tool_change_return", default.tool_change_return),
+        // A node of before, whose parameters are in a bag, called none.
+        user_function_s_max: integer("user_function_s_max", 0),
         on_commander_loss: match get("on_commander_loss") {
             ParameterValue::String(word) => {
                 let found = OnCommanderLoss::WORDS.iter().find(|(name, _)| *name == word);
@@ -304,6 +313,7 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
         encoder: EncoderConfig {
             position_mm_max: double("position_mm_max", default.encoder.position_mm_max),
             feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),
+            has_user_functions: integer("user_function_s_max", 0) > 0,
             optional_stop: bool("optional_stop", default.encoder.optional_stop),
             line_numbers: bool("line_numbers", default.encoder.line_numbers),
             controller_changes_tools: matches!(

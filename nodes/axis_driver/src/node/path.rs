@@ -4,6 +4,8 @@
 //! process keeps its name.
 
 use super::motion_link::MotionLink;
+use crate::encoder::CalledFunction;
+use crate::protocol::PathHere;
 use crate::tool_check::objection;
 use cnc_msgs::calls::chain_after;
 use cnc_msgs::cdr;
@@ -32,10 +34,12 @@ pub(super) struct Planned {
     /// The tool table it was planned with.
     tool_table_revision: u64,
     element_count: u64,
+    /// The functions of the user that it calls.
+    pub(super) functions: Vec<CalledFunction>,
 }
 
-/// Whether the motion process has a path, or why not.
-type Taken = Result<(), String>;
+/// The functions of a path that the motion process has, or why it has not.
+type Taken = Result<Vec<CalledFunction>, String>;
 
 /// Who waits to hear that the motion process has a path; one at a time.
 #[derive(Debug, Default)]
@@ -75,8 +79,7 @@ impl Answers {
 pub(super) struct Here {
     pub(super) motion: Arc<MotionLink>,
     pub(super) answers: Arc<Answers>,
-    /// By program, revision and checksum.
-    pub(super) paths: Vec<(String, u64, String)>,
+    pub(super) paths: Vec<PathHere>,
 }
 
 /// What the planner said last.
@@ -357,17 +360,18 @@ async fn fetch(
     manifest: &wire::CompensatedPath,
 ) -> Result<Planned, runtime::Error> {
     let (program_id, revision) = (manifest.program_id.clone(), manifest.revision);
-    let planned = Planned {
+    let planned = |functions| Planned {
         program_id: program_id.clone(),
         revision,
         tool_table_revision: manifest.tool_table_revision,
         element_count: manifest.element_count,
+        functions,
     };
-    let is_here = |(id, of, sum): &(String, u64, String)| {
-        (id, *of, sum) == (&program_id, revision, &manifest.sha256)
+    let is_meant = |here: &&PathHere| {
+        (&here.program_id, here.revision, &here.sha256) == (&program_id, revision, &manifest.sha256)
     };
-    if here.paths.iter().any(is_here) {
-        return Ok(planned);
+    if let Some(here) = here.paths.iter().find(is_meant) {
+        return Ok(planned(here.functions.clone()));
     }
     let mut collector = Collector::for_path(manifest)?;
     let request = |first| GetPathChunksRequest { program_id: program_id.clone(), revision, first };
@@ -379,8 +383,7 @@ async fn fetch(
     let (motion, manifest) = (Arc::clone(&here.motion), manifest.clone());
     tokio::task::spawn_blocking(move || motion.send_path(&manifest, &collector.into_chunks()))
         .await?;
-    tokio::time::timeout(TAKEN_WITHIN, taken).await???;
-    Ok(planned)
+    Ok(planned(tokio::time::timeout(TAKEN_WITHIN, taken).await???))
 }
 
 #[cfg(test)]
@@ -416,6 +419,7 @@ mod tests {
             revision,
             tool_table_revision,
             element_count: 1,
+            functions: Vec::new(),
         };
         let mut newest = Newest::default();
         newest.on_tool_table(1, table(2, 8.0));

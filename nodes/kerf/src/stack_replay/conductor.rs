@@ -15,11 +15,12 @@ use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal};
 use cnc_msgs::wire::cnc_msgs::msg::{
     CompensationReport, MachineState, NodeParameters, Recording as Bag,
 };
+use cnc_msgs::wire::cnc_msgs::srv::{CallUserFunction, CallUserFunctionResponse};
 use cnc_msgs::wire::rcl_interfaces::msg::Parameter;
 use replay::recording::RecordedProgram;
 use runtime::action::GoalHandle;
 use runtime::configuration::Configuration;
-use runtime::{Handle, Qos, Session, Subscription};
+use runtime::{Handle, NodeError, Qos, Session, Subscription};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -46,6 +47,8 @@ pub(super) struct Play<'a> {
     pub(super) goal: RunProgramGoal,
     pub(super) is_single_block: bool,
     pub(super) cues: &'a [Cue],
+    /// What is said of the functions of the user that it calls.
+    pub(super) functions: Vec<Result<String, String>>,
     /// The path of the goal.
     pub(super) track: Arc<Track>,
 }
@@ -99,6 +102,23 @@ async fn died(nodes: &mut Stack) -> String {
     }
 }
 
+/// Stands in for the node of the cell, where the run has called functions of the user.
+fn answer_functions(node: &Handle, recorded: &[Result<String, String>]) -> Result<(), NodeError> {
+    if recorded.is_empty() {
+        return Ok(());
+    }
+    let mut recorded = recorded.to_vec().into_iter();
+    node.service::<CallUserFunction, _, _>("user_function", move |request, _| {
+        let answer = match request.check_only {
+            true => Ok(String::new()),
+            false => recorded.next().unwrap_or(Err("the recording has no answer to it".into())),
+        };
+        let success = answer.is_ok();
+        let message = answer.unwrap_or_else(|why| why);
+        std::future::ready(CallUserFunctionResponse { success, message })
+    })
+}
+
 async fn commission<'a>(
     node: &Handle,
     stage: &Stage<'_>,
@@ -111,6 +131,7 @@ async fn commission<'a>(
     let parameters: Subscription<NodeParameters> =
         node.subscription("node_parameters", Qos::LATCHED.with_depth(32))?;
     let seen = Seen::follow(node, states);
+    answer_functions(node, &play.functions)?;
     has_our_port(parameters, &stage.folder.join(LINK)).await?;
     until("the machine to be ready", READY_WITHIN, &seen, stage.gate, || {
         seen.last().is_some_and(|state| state.state == MachineState::STATE_IDLE)

@@ -88,6 +88,15 @@ impl<'a> RunHistory<'a> {
         })
     }
 
+    /// What the node of the cell said of the functions of the user, in order.
+    pub(super) fn functions(&self) -> Vec<Result<String, String>> {
+        let answers = self.events.iter().filter_map(|event| match &event.what {
+            Happened::Asked(Command::UserFunctionEnded { answer, .. }) => Some(answer.clone()),
+            _ => None,
+        });
+        answers.collect()
+    }
+
     /// Whether it ended before its program did.
     pub(super) fn was_stopped(&self) -> bool {
         match self.status {

@@ -50,6 +50,9 @@ pub struct DriverConfig {
     /// confirmed somewhere else; else the confirmation is refused.
     #[serde(default)]
     pub tool_change_return: bool,
+    /// The longest that a function of the user may take, s; 0: none is called.
+    #[serde(default)]
+    pub user_function_s_max: u32,
     /// What is done when a commander's signs of life stay away during a run.
     #[serde(default)]
     pub on_commander_loss: OnCommanderLoss,
@@ -110,6 +113,7 @@ impl Default for DriverConfig {
             check_in_controller: false,
             require_recording: false,
             tool_change_return: false,
+            user_function_s_max: 60,
             on_commander_loss: OnCommanderLoss::default(),
             commander_timeout_ms: commander_timeout_ms(),
             rate_margin: rate_margin(),

@@ -86,6 +86,11 @@ impl ProgramRun {
                 let (source, why) = (*source, refused.take().unwrap_or_else(late));
                 Some(self.end_without_plan(source, &why))
             }
+            Stage::Calling(calling) if now >= calling.until => {
+                let most = context.config.user_function_s_max;
+                let why = format!("no answer within {most} s (user_function_s_max)");
+                Some(self.end_without_function(&why))
+            }
             _ => None,
         }
     }
@@ -349,6 +354,9 @@ impl ProgramRun {
             Then::Probe { line, probe } => self.begin_probe(context, line, probe),
             Then::Probed(probing) => return self.after_probe(context, &probing),
             Then::Stretch { source } => self.begin_stretch(context, source),
+            Then::UserFunction { function, source } => {
+                self.call_function(context, function, source);
+            }
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
             Then::Home { text, axes, source } => {
                 let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;

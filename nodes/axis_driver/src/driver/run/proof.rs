@@ -121,6 +121,7 @@ impl Proof {
                     | EncoderStep::Home { .. }
                     | EncoderStep::ControllerChange { .. }
                     | EncoderStep::Stretch { .. }
+                    | EncoderStep::UserFunction { .. }
                     | EncoderStep::CheckStart
                     | EncoderStep::CheckReturn { .. },
                 )) => {}
@@ -202,7 +203,7 @@ pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) ->
             EncoderStep::Home { text, .. } => text,
             EncoderStep::ToolChange { tool, .. } => format!("the change to T{tool}"),
             EncoderStep::ControllerChange { tool, .. } => format!("M6T{tool}"),
-            EncoderStep::Stretch { .. } => break,
+            EncoderStep::Stretch { .. } | EncoderStep::UserFunction { .. } => break,
             EncoderStep::CheckStart | EncoderStep::CheckReturn { .. } => continue,
         };
         match lines.len() < SHOWN_MAX {

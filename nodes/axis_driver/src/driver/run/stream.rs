@@ -53,6 +53,7 @@ impl ProgramRun {
                             | EncoderStep::ControllerChange { .. }
                             | EncoderStep::Probe { .. }
                             | EncoderStep::Stretch { .. }
+                            | EncoderStep::UserFunction { .. }
                             | EncoderStep::CheckStart,
                         )),
                         _,
@@ -75,6 +76,9 @@ impl ProgramRun {
                         Then::Probe { line, probe }
                     }
                     (Some(Ok(EncoderStep::Stretch { source })), _) => Then::Stretch { source },
+                    (Some(Ok(EncoderStep::UserFunction { function, source })), _) => {
+                        Then::UserFunction { function, source }
+                    }
                     (Some(Ok(EncoderStep::CheckStart)), _) => Then::CheckStart,
                     (Some(Ok(EncoderStep::CheckReturn { stood })), _) => {
                         Then::CheckReturn { stood }

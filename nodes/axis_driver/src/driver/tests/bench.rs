@@ -346,6 +346,7 @@ impl Bench {
                 Output::Progress { .. }
                 | Output::MoveFinished(_)
                 | Output::Probes(_)
+                | Output::UserFunction(_)
                 | Output::Settings(_) => {}
                 Output::RunFinished(result) => self.finished = Some(result),
                 Output::ReadyToClose => self.is_ready_to_close = true,
