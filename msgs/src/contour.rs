@@ -184,8 +184,9 @@ pub enum Action {
     ChangeTool { tool: u32 },
     /// `G43 H` and `G49`: the tool length offset; the loader gives the number (`None`: cancel), and
     /// what is added to the length in the tool table; the planner adds them. Number 0 is no tool:
-    /// the program gives the whole length (`G43.1`).
-    ToolLength { offset: Option<u32>, length_mm: f64 },
+    /// the program gives the whole length (`G43.1`). The length of the second number is added as well
+    /// (`G43.2 H`).
+    ToolLength { offset: Option<u32>, second: Option<u32>, length_mm: f64 },
     /// `G54` to `G59.3`: 1 to 9. Positions after it are in that system.
     WorkOffset { system: u8 },
     /// `G4`, seconds.
@@ -314,7 +315,10 @@ impl Action {
             Self::Coolant(CoolantMode::Off) => "M9".into(),
             Self::SelectTool { tool } => format!("T{tool}"),
             Self::ChangeTool { .. } => "M6".into(),
-            Self::ToolLength { offset: Some(0), length_mm } => format!("G43.1 Z{length_mm}"),
+            Self::ToolLength { offset: Some(0), length_mm, .. } => format!("G43.1 Z{length_mm}"),
+            Self::ToolLength { offset: Some(offset), second: Some(second), .. } => {
+                format!("G43 H{offset} G43.2 H{second}")
+            }
             Self::ToolLength { offset: Some(offset), .. } => format!("G43 H{offset}"),
             Self::ToolLength { offset: None, .. } => "G49".into(),
             Self::WorkOffset { system } => work_system(system),

@@ -199,7 +199,7 @@ fn blocks_by_hand_run_in_the_frame_in_force_and_their_words_do_not_last() {
         assert!(refusal.message.contains(&action.text()), "{refusal}");
     }
     // A tool length that is set on purpose counts.
-    let length = Action::ToolLength { offset: Some(2), length_mm: 12.5 };
+    let length = Action::ToolLength { offset: Some(2), length_mm: 12.5, second: None };
     let path = CompensatedPath { events: vec![event(0, length)], ..CompensatedPath::default() };
     line.ask(block(path)).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);

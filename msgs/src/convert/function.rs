@@ -35,7 +35,8 @@ impl From<&Action> for wire::MachineFunction {
                 out.number = tool;
                 Self::CHANGE_TOOL
             }
-            Action::ToolLength { offset: Some(offset), length_mm } => {
+            // The second number is in the text.
+            Action::ToolLength { offset: Some(offset), length_mm, .. } => {
                 out.number = offset;
                 out.value = m_from_mm(length_mm);
                 Self::TOOL_LENGTH
@@ -126,8 +127,8 @@ impl Action {
     pub(super) fn received(self) -> Self {
         match self {
             Self::SpindleSpeed { rpm } => Self::SpindleSpeed { rpm: received_rpm(rpm) },
-            Self::ToolLength { offset, length_mm } => {
-                Self::ToolLength { offset, length_mm: received_mm(length_mm) }
+            Self::ToolLength { offset, second, length_mm } => {
+                Self::ToolLength { offset, second, length_mm: received_mm(length_mm) }
             }
             Self::MachineMove { target, axes, rapid, feed_mm_per_min } => Self::MachineMove {
                 target: target.map(received_mm),
@@ -152,6 +153,13 @@ impl Action {
             other => other,
         }
     }
+}
+
+/// The tool whose length is added to that of the first: `G43 H1 G43.2 H2`.
+fn second_length(text: &str) -> Result<Option<u32>, WireError> {
+    let Some((_, number)) = text.split_once(" G43.2 H") else { return Ok(None) };
+    let wrong = |_| WireError::Text { field: "text", value: text.to_owned() };
+    number.parse().map(Some).map_err(wrong)
 }
 
 impl TryFrom<&wire::MachineFunction> for Action {
@@ -193,10 +201,14 @@ impl TryFrom<&wire::MachineFunction> for Action {
             W::COOLANT_OFF => Self::Coolant(CoolantMode::Off),
             W::SELECT_TOOL => Self::SelectTool { tool: function.number },
             W::CHANGE_TOOL => Self::ChangeTool { tool: function.number },
-            W::TOOL_LENGTH => {
-                Self::ToolLength { offset: Some(function.number), length_mm: mm_from_m(value) }
+            W::TOOL_LENGTH => Self::ToolLength {
+                offset: Some(function.number),
+                second: second_length(&function.text)?,
+                length_mm: mm_from_m(value),
+            },
+            W::TOOL_LENGTH_CANCEL => {
+                Self::ToolLength { offset: None, second: None, length_mm: 0.0 }
             }
-            W::TOOL_LENGTH_CANCEL => Self::ToolLength { offset: None, length_mm: 0.0 },
             W::WORK_OFFSET => Self::WorkOffset { system: system()? },
             W::SET_WORK_OFFSET => set_work_offset(false)?,
             W::WORK_OFFSET_BY_POSITION => set_work_offset(true)?,

@@ -347,7 +347,7 @@ impl MachinePath {
         let from = self.at;
         match action {
             Action::WorkOffset { system } => self.system = system,
-            Action::ToolLength { offset, length_mm } => {
+            Action::ToolLength { offset, length_mm, .. } => {
                 self.tool_length_mm = if offset.is_some() { length_mm } else { 0.0 };
             }
             Action::ChangeTool { tool } => self.tool = tool,

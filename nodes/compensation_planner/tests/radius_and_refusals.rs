@@ -206,7 +206,7 @@ fn a_selection_and_a_cancel_without_a_contour_are_refused() {
 fn the_length_of_a_tool_comes_from_the_table() {
     use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, Source};
     let mut contour = contour(A6, &profile("nct"));
-    let action = Action::ToolLength { offset: Some(1), length_mm: 0.0 };
+    let action = Action::ToolLength { offset: Some(1), length_mm: 0.0, second: None };
     let kind = ContourEventKind::Action(action);
     contour
         .events
@@ -214,7 +214,7 @@ fn the_length_of_a_tool_comes_from_the_table() {
     let mut tools = tool(5.0);
     tools.tools.get_mut(&1).unwrap().length_mm = 60.0;
     let plan = |tools: &ToolTable| compensation_planner::plan(&contour, &profile("nct"), tools);
-    let expected = Action::ToolLength { offset: Some(1), length_mm: 60.0 };
+    let expected = Action::ToolLength { offset: Some(1), length_mm: 60.0, second: None };
     assert_eq!(plan(&tools).path.events[0].action, expected);
     tools.tools.clear();
     let empty = plan(&tools);

@@ -138,8 +138,8 @@ fn check_lengths(tool_path: &ToolPath<'_>, report: &mut Report<'_>) {
 fn same_length(a: &Action, b: &Action) -> bool {
     match (a, b) {
         (
-            Action::ToolLength { offset: a, length_mm: p },
-            Action::ToolLength { offset: b, length_mm: q },
+            Action::ToolLength { offset: a, length_mm: p, .. },
+            Action::ToolLength { offset: b, length_mm: q, .. },
         ) => a == b && (p - q).abs() <= 1e-9,
         _ => false,
     }
@@ -149,13 +149,16 @@ fn is_same(programmed: &Action, found: &Action, tools: &ToolTable) -> bool {
     match (programmed, found) {
         // The planner fills in the length.
         (
-            Action::ToolLength { offset: Some(a), length_mm: added_mm },
-            Action::ToolLength { offset: Some(b), length_mm },
+            Action::ToolLength { offset: Some(a), second: c, length_mm: added_mm },
+            Action::ToolLength { offset: Some(b), second: d, length_mm },
         ) => {
             // 0 is no tool, whatever the table has there.
-            let tool = tools.tools.get(a).filter(|_| *a != 0);
-            let expected = tool.map_or(0.0, |tool| tool.length_mm) + added_mm;
-            a == b && (expected - length_mm).abs() <= 1e-9
+            let in_table = |number: u32| {
+                let tool = tools.tools.get(&number).filter(|_| number != 0);
+                tool.map_or(0.0, |tool| tool.length_mm)
+            };
+            let expected = in_table(*a) + c.map_or(0.0, in_table) + added_mm;
+            (a, c) == (b, d) && (expected - length_mm).abs() <= 1e-9
         }
         _ => same_numbers(programmed, found),
     }

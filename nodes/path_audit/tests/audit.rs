@@ -171,7 +171,8 @@ fn a_length_of_d_that_is_lost_moved_or_changed_is_found() {
     for (line, offset) in [(2, Some(1)), (6, None)] {
         let events = &mut contour.events;
         let at = events.iter().position(|event| event.source.line == line).expect("the block");
-        let kind = ContourEventKind::Action(Action::ToolLength { offset, length_mm: 0.0 });
+        let kind =
+            ContourEventKind::Action(Action::ToolLength { offset, length_mm: 0.0, second: None });
         events.insert(at, ContourEvent { kind, ..events[at] });
     }
     tools.offsets.entry(1).or_default().radius_mm = 5.0;
@@ -191,7 +192,7 @@ fn a_length_of_d_that_is_lost_moved_or_changed_is_found() {
             path.events[event].at_element = path.events[event].at_element.saturating_add_signed(by);
         });
     }
-    let other = Action::ToolLength { offset: Some(1), length_mm: 61.0 };
+    let other = Action::ToolLength { offset: Some(1), length_mm: 61.0, second: None };
     planned.check(Code::PathMismatch, |path| path.events[0].action = other);
     assert_eq!(planned.codes_after(|_| ()), []);
 }

@@ -77,7 +77,7 @@ fn approach_text(approach: Approach) -> &'static str {
 fn action_text(action: &Action) -> String {
     match action {
         Action::ChangeTool { tool } => format!("{} T{tool}", action.text()),
-        Action::ToolLength { offset: Some(1..), length_mm } if *length_mm != 0.0 => {
+        Action::ToolLength { offset: Some(1..), length_mm, .. } if *length_mm != 0.0 => {
             format!("{} and {}", action.text(), number(*length_mm))
         }
         Action::MachineMove { feed_mm_per_min, rapid: false, .. } => {

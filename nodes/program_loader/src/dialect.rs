@@ -118,6 +118,8 @@ pub(crate) enum GWord {
     Offset(OffsetWord),
     /// How F is given.
     FeedMode(FeedMode),
+    /// Whether S is the speed along the surface that is turned (G96), or that of the spindle (G97).
+    SurfaceSpeed(bool),
     /// Where the cycles end: at R (G99), or where they began (G98).
     Retract {
         to_r: bool,
@@ -185,6 +187,7 @@ impl GWord {
             | Self::Reference { .. } => Group::NonModal,
             Self::Offset(_) => Group::NonModal,
             Self::FeedMode(_) => Group::Feed,
+            Self::SurfaceSpeed(_) => Group::SpindleMode,
             Self::Retract { .. } => Group::Retract,
             Self::Diameter(_) => Group::Diameter,
             Self::ExactStop => Group::ExactStop,

@@ -24,6 +24,7 @@ mod refusals;
 mod request;
 mod saved_state;
 mod scene;
+mod spindle_speed;
 mod splines;
 mod stored;
 mod system;

@@ -160,6 +160,10 @@ class Reader:
             self.message(event, text.removeprefix("(MSG, ").removesuffix(")"))
         elif match := re.fullmatch(r"S([-\d.e]+)", text):
             state.speed = float(match[1])
+        elif match := re.fullmatch(r"G96 S([-\d.e]+)(?: D([-\d.e]+))?", text):
+            state.speed, state.speed_max = float(match[1]), float(match[2] or 1e30)
+        elif text == "G97":
+            state.speed_max = None
         elif text in ("M3", "M4", "M5"):
             state.spindle = text
         elif text == "M9":

@@ -209,6 +209,10 @@ class Reader:
         # A tool change stops the spindle; in Kerf that is a part of M6.
         self.state.spindle = "M5"
 
+    def on_set_spindle_mode(self, arguments):
+        # The highest speed of G96; 0 for G97.
+        self.state.speed_max = self.numbers(arguments)[-1] or None
+
     def on_set_spindle_speed(self, arguments):
         self.state.speed = self.numbers(arguments)[-1]
 

@@ -12,6 +12,8 @@ class State:
     """What lasts. `None`: not said yet."""
     spindle: str = "M5"
     speed: float = 0.0
+    # Under G96, whose speed is that of the surface, 1/min.
+    speed_max: float = None
     mist: bool = False
     flood: bool = False
     selected: int = None
@@ -22,6 +24,8 @@ class State:
             one, two = getattr(self, name), getattr(other, name)
             if one != two and None not in (one, two):
                 return f"{name} {one} and {two}"
+        if self.speed_max != other.speed_max:
+            return f"S at most {self.speed_max} and {other.speed_max}"
         if abs(self.speed - other.speed) > 1e-4 + 1e-9 * abs(self.speed):
             return f"S{self.speed:.4f} and S{other.speed:.4f}"
         return None

@@ -238,7 +238,7 @@ fn event(at: &mut Point, random: &mut Random) -> ContourEventKind {
             Action::ExactStop,
             Action::Home { axes: AxisSet::ALL },
             Action::Stop { optional: false },
-            Action::ToolLength { offset: Some(1), length_mm: 0.0 },
+            Action::ToolLength { offset: Some(1), length_mm: 0.0, second: None },
             Action::ProgramEnd { rewind: true },
         ])),
         10 => ContourEventKind::Calculation,

@@ -258,7 +258,7 @@ fn programs_that_move_their_frame_are_followed() {
             part.event(Action::WorkOffset { system: 2 });
             part.rapid([0.0, 0.0, 2.0]);
             part.line([5.0, 5.0, 1.0]);
-            part.event(Action::ToolLength { offset: Some(1), length_mm: 7.5 });
+            part.event(Action::ToolLength { offset: Some(1), length_mm: 7.5, second: None });
             part.line([5.0, 9.0, -1.0]);
             part.arc(Plane::Xy, [-3.0, 4.0], 200.0, 1.0);
             part.event(Action::SetWorkOffset {
@@ -275,7 +275,7 @@ fn programs_that_move_their_frame_are_followed() {
                 feed_mm_per_min: 0.0,
             });
             part.event(Action::WorkOffset { system: 1 });
-            part.event(Action::ToolLength { offset: None, length_mm: 0.0 });
+            part.event(Action::ToolLength { offset: None, length_mm: 0.0, second: None });
             part.line([1.0, 2.0, 3.0]);
             part.event(Action::StoreReference { second: true });
             part.line([9.0, 9.0, 1.0]);
@@ -319,7 +319,7 @@ fn what_a_pendant_sets_before_a_run_is_known_in_it() {
         {
             let mut line = router(firmware, &[mask], holding());
             let mut measured = Part::new();
-            measured.event(Action::ToolLength { offset: Some(1), length_mm: 7.5 });
+            measured.event(Action::ToolLength { offset: Some(1), length_mm: 7.5, second: None });
             measured.line([5.0, 9.0, -1.0]);
             let mut path = measured.path;
             name_axes(&mut path);

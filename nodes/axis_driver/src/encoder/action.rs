@@ -68,7 +68,7 @@ impl Encoder {
                 self.pending.push_back(EncoderStep::ToolChange { tool, source });
                 Ok(())
             }
-            Action::ToolLength { offset, length_mm } => {
+            Action::ToolLength { offset, length_mm, .. } => {
                 self.checked_position('Z', length_mm)?;
                 self.modal.forget(AxisSet::from_bits(0b100), &event.action.text());
                 let text = match offset {

@@ -29,7 +29,7 @@ impl Encoder {
     /// The tool length that a block by hand has set last, if any has, stays in force.
     pub(crate) fn take_tool_length(&mut self, block: &CompensatedPath) {
         let set = block.events.iter().rev().find_map(|event| match event.action {
-            Action::ToolLength { offset, length_mm } => Some((offset, length_mm, event.action)),
+            Action::ToolLength { offset, length_mm, .. } => Some((offset, length_mm, event.action)),
             _ => None,
         });
         if let Some((offset, length_mm, action)) = set {

@@ -96,7 +96,7 @@ fn axes_that_a_block_names_are_given_whether_they_change_or_not() {
 
 #[test]
 fn actions_are_the_words_of_grbl() {
-    let length = |offset, length_mm| Action::ToolLength { offset, length_mm };
+    let length = |offset, length_mm| Action::ToolLength { offset, length_mm, second: None };
     let machine_move = |rapid| Action::MachineMove {
         target: [0.0, 1.0, -2.5],
         axes: AxisSet::from_bits(0b100),
@@ -269,7 +269,7 @@ fn what_grbl_cannot_do_is_refused_with_its_line() {
             "line 7: YNaN is not between -10000 and 10000 mm, the limit of position_mm_max",
         ),
         (
-            Action::ToolLength { offset: Some(1), length_mm: 1e6 },
+            Action::ToolLength { offset: Some(1), length_mm: 1e6, second: None },
             "line 7: Z1000000 is not between -10000 and 10000 mm, the limit of position_mm_max",
         ),
     ] {
@@ -350,7 +350,7 @@ fn m28_a_run_begins_under_compensation_where_its_control_does() {
 fn a_start_in_the_middle_repeats_what_is_in_force_and_no_more() {
     let events = [
         (0, Action::ChangeTool { tool: 1 }),
-        (0, Action::ToolLength { offset: Some(1), length_mm: 50.0 }),
+        (0, Action::ToolLength { offset: Some(1), length_mm: 50.0, second: None }),
         (0, Action::SpindleSpeed { rpm: 100.0 }),
         (0, Action::Spindle(SpindleMode::Clockwise)),
         (0, Action::Coolant(CoolantMode::Flood)),

@@ -97,7 +97,7 @@ fn a_program_is_judged_by_its_travel_with_place_numbers_and_remedy() {
     let second = |shift: f64| begun().act(Action::WorkOffset { system: 2 }).cut([shift, 0.0, 10.0]);
     let length = |length_mm: f64| {
         Program::default()
-            .act(Action::ToolLength { offset: Some(1), length_mm })
+            .act(Action::ToolLength { offset: Some(1), length_mm, second: None })
             .rapid("Z", [0.0, 0.0, 10.0])
     };
     let machine_move = |z: f64| {
@@ -320,7 +320,7 @@ fn a_tool_length_moves_the_axes_and_not_the_tip() {
     let keep_out = clamp(Frame::Work(1), [20.0, -10.0, -20.0], [40.0, 10.0, 5.0]);
     let with_length = |z: f64| {
         Program::default()
-            .act(Action::ToolLength { offset: Some(1), length_mm: 40.0 })
+            .act(Action::ToolLength { offset: Some(1), length_mm: 40.0, second: None })
             .rapid("XYZ", [0.0, 0.0, z])
             .cut([100.0, 0.0, z])
     };

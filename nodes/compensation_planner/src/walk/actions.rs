@@ -113,7 +113,7 @@ impl Walk<'_> {
         }
         self.lengths.in_force = selected;
         let offset = selected.map(|(number, _)| number);
-        let action = Action::ToolLength { offset, length_mm: length_mm(selected) };
+        let action = Action::ToolLength { offset, second: None, length_mm: length_mm(selected) };
         match &mut self.state {
             WalkState::Active(active) => active.push_item(source, ItemKind::Action(action)),
             WalkState::Off | WalkState::Selected(_) => self.out.action(action, source),
@@ -122,13 +122,17 @@ impl Walk<'_> {
     }
 
     fn with_length(&mut self, action: Action, source: Source) -> Action {
-        let Action::ToolLength { offset: Some(number), length_mm: added_mm } = action else {
+        let Action::ToolLength { offset: Some(number), second, length_mm: added_mm } = action
+        else {
             return action;
         };
-        if number == 0 {
-            return action;
-        }
-        let length_mm = match self.tools.tools.get(&number) {
+        let lengths = [Some(number), second].into_iter().flatten().filter(|number| *number != 0);
+        let length_mm: f64 = lengths.map(|number| self.length_in_table(number, source)).sum();
+        Action::ToolLength { offset: Some(number), second, length_mm: length_mm + added_mm }
+    }
+
+    fn length_in_table(&mut self, number: u32, source: Source) -> f64 {
+        match self.tools.tools.get(&number) {
             Some(tool) => tool.length_mm,
             None => {
                 let mut finding = radius::unknown(format!("H{number}"), self.tools, source);
@@ -139,7 +143,6 @@ impl Walk<'_> {
                 self.report.findings.push(finding);
                 0.0
             }
-        };
-        Action::ToolLength { offset: Some(number), length_mm: length_mm + added_mm }
+        }
     }
 }

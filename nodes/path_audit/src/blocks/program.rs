@@ -304,7 +304,7 @@ impl Reader<'_> {
             && length_mm != self.length_in_force;
         acts.then(|| {
             self.length_in_force = length_mm;
-            Action::ToolLength { offset, length_mm }
+            Action::ToolLength { offset, second: None, length_mm }
         })
     }
 

@@ -85,6 +85,8 @@ fn g(tenths: u16) -> GWord {
         700 | 710..=712 | 720..=722 => GWord::Refused(
             "lathe cycles are not written out as moves; post the cuts as lines and arcs",
         ),
+        960 => GWord::SurfaceSpeed(true),
+        970 => GWord::SurfaceSpeed(false),
         930 => GWord::FeedMode(FeedMode::InverseTime),
         940 => GWord::FeedMode(FeedMode::PerMinute),
         950 => GWord::FeedMode(FeedMode::PerRevolution),
@@ -216,7 +218,7 @@ mod tests {
                 GWord::Unknown => None,
                 GWord::Accepted(..) => Some("no effect"),
                 GWord::Refused(_) | GWord::RefusedMotion(_) => Some("refused"),
-                GWord::WorkOffset(7..) => Some("passed on"),
+                GWord::WorkOffset(7..) | GWord::SurfaceSpeed(true) => Some("passed on"),
                 _ => Some("done"),
             };
             assert_eq!(row(&page, tenths), becomes, "G{}", f64::from(tenths) / 10.0);

@@ -4,9 +4,7 @@
 use super::axes::Cause;
 use super::{After, Interpreter, Scene};
 use crate::dialect::{GWord, Group, MWord, RadiusWord};
-use crate::limits::{
-    DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, FEED_MM_PER_MIN_MAX, NUMBER_MAX, SPINDLE_RPM_MAX,
-};
+use crate::limits::{DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, FEED_MM_PER_MIN_MAX, NUMBER_MAX};
 use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, RadiusSource, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::AxisSet;
@@ -36,16 +34,7 @@ impl Interpreter<'_> {
     /// S, T, M6, M3 to M9 and the machine's functions, in the order of RS-274.
     #[inline]
     pub(super) fn functions_before_motion(&mut self, scene: &mut Scene<'_>) {
-        if let Some(rpm) = self.take_within(scene, b'S', 1.0, SPINDLE_RPM_MAX, "1/min") {
-            self.modal.spindle_is_reported = rpm.is_nan() || rpm < 0.0;
-            if rpm < 0.0 {
-                self.negative(scene, b'S');
-            } else {
-                self.modal.rpm = if rpm.is_nan() { 0.0 } else { rpm };
-                self.feed_in_mode();
-                self.act(Action::SpindleSpeed { rpm });
-            }
-        }
+        self.spindle_speed(scene);
         if self.request.present.contains(b'T')
             && let Some(tool) = self.take_number(scene, b'T')
         {

@@ -47,6 +47,7 @@ impl Interpreter<'_> {
         let arc = Arc { center, plane, clockwise, turns };
         self.add_to_bounds(start, Shape::Arc(arc), end.position, end.named);
         self.feed_of_length(MotionClass::Feed, || arc::length(start, end.position, &arc));
+        self.feed_at_surface(MotionClass::Feed, start, end.position, Some(&arc));
         // An arc determines both axes of its plane, even if it names one or none.
         let axes = end.named.union(in_plane);
         self.emit_motion(Shape::Arc(arc), end.position, MotionClass::Feed, axes);

@@ -295,7 +295,7 @@ impl Interpreter<'_> {
         let number = (number != 0 || self.rules.d0 == ZeroOffset::None).then_some(number);
         let before = std::mem::replace(&mut self.modal.compensation.length, number);
         if before != number {
-            let action = Action::ToolLength { offset: number, length_mm: 0.0 };
+            let action = Action::ToolLength { offset: number, length_mm: 0.0, second: None };
             self.emit(ContourEventKind::Action(action));
         }
     }

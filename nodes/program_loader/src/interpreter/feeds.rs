@@ -30,7 +30,7 @@ impl Interpreter<'_> {
         match self.modal.feed_mode {
             FeedMode::PerMinute => {}
             FeedMode::PerRevolution => {
-                let feed = self.modal.programmed_feed * self.scale() * self.modal.rpm;
+                let feed = self.modal.programmed_feed * self.scale() * self.rpm_here();
                 self.modal.feed_mm_per_min = feed.min(FEED_MM_PER_MIN_MAX);
             }
             // Each move has one of its own.
@@ -71,7 +71,7 @@ impl Interpreter<'_> {
             self.modal.feed_is_poisoned = true;
             (
                 "this move has a feed per revolution (G95), and no spindle speed is in force",
-                "write S before it, or G94 and F with mm/min",
+                "write S before it (after G97 too), or G94 and F with mm/min",
             )
         } else {
             self.modal.feed_is_poisoned = true;

@@ -275,7 +275,7 @@ impl Interpreter<'_> {
             FeedMode::PerMinute if to.only_turns() => self.modal.programmed_feed,
             FeedMode::PerMinute => self.modal.feed_mm_per_min,
             FeedMode::PerRevolution if to.only_turns() => {
-                self.modal.programmed_feed * self.modal.rpm
+                self.modal.programmed_feed * self.rpm_here()
             }
             FeedMode::PerRevolution => self.modal.feed_mm_per_min,
             FeedMode::InverseTime => {

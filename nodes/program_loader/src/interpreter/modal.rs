@@ -4,6 +4,7 @@ use super::compensation::Compensation;
 use super::cycles::CycleWords;
 use super::machine_words::Overrides;
 use super::polar::Polar;
+use super::spindle_speed::SurfaceSpeed;
 use super::tool_lengths::Length;
 use super::turn::Turn;
 use crate::dialect::{Distance, FeedMode, Mode, Units};
@@ -45,7 +46,10 @@ pub(super) struct Modal {
     pub(super) shift: Position,
     pub(super) kept_shift: Position,
     pub(super) x_is_diameter: bool,
+    /// S, 1/min; 0 before the first one, and under G96.
     pub(super) rpm: f64,
+    /// G96.
+    pub(super) surface: Option<SurfaceSpeed>,
     pub(super) spindle: SpindleMode,
     /// That a thread lacks a spindle which turns has been reported, or why S was rejected.
     pub(super) spindle_is_reported: bool,
@@ -83,6 +87,7 @@ impl Modal {
             kept_shift: [0.0; 3],
             x_is_diameter: rules.x_is_diameter,
             rpm: 0.0,
+            surface: None,
             spindle: SpindleMode::Off,
             spindle_is_reported: false,
             mist: false,

@@ -220,6 +220,10 @@ impl Interpreter<'_> {
             // How far it goes decides how fast.
             relied = relied.union(self.axes.drifting(end.named));
         }
+        if class == MotionClass::Feed && self.has_feed_of_radius() {
+            // How far from the axis of the spindle it is decides how fast.
+            relied = relied.with(0);
+        }
         let is_sound = self.relies(scene, relied.without(drifting)) & self.has_feed(scene, class);
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {
@@ -229,6 +233,7 @@ impl Interpreter<'_> {
                 return self.further_without_motion(scene, further_from);
             }
             self.feed_of_length(class, || distance(from, end.position));
+            self.feed_at_surface(class, from, end.position, None);
             self.add_to_bounds(from, Shape::Line, end.position, end.named);
             self.emit_motion(Shape::Line, end.position, class, end.named);
         }

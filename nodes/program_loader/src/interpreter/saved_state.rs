@@ -6,6 +6,7 @@
 //! itself at its end.
 
 use super::machine_words::Overrides;
+use super::spindle_speed::SurfaceSpeed;
 use super::tool_lengths::Length;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, FeedMode, Units};
@@ -44,6 +45,7 @@ pub(super) struct SavedState {
     work_offset: u8,
     x_is_diameter: bool,
     rpm: f64,
+    surface: Option<SurfaceSpeed>,
     spindle: SpindleMode,
     mist: bool,
     flood: bool,
@@ -110,6 +112,7 @@ impl Interpreter<'_> {
             work_offset: modal.work_offset,
             x_is_diameter: modal.x_is_diameter,
             rpm: modal.rpm,
+            surface: modal.surface,
             spindle: modal.spindle,
             mist: modal.mist,
             flood: modal.flood,
@@ -130,6 +133,9 @@ impl Interpreter<'_> {
         if self.modal.plane != saved.plane {
             self.modal.plane = saved.plane;
             self.emit(ContourEventKind::Plane(saved.plane));
+        }
+        if self.modal.surface != saved.surface {
+            self.set_surface_speed(saved.surface);
         }
         if self.modal.rpm != saved.rpm {
             self.act(Action::SpindleSpeed { rpm: saved.rpm });

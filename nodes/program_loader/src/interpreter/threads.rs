@@ -172,6 +172,9 @@ impl Interpreter<'_> {
                 return;
             }
             let (lacks, help) = match self.modal.spindle {
+                _ if self.modal.surface.is_some() => {
+                    ("G96 changes its speed along X", "write G97 and S before it")
+                }
                 SpindleMode::Off => ("neither M3 nor M4 is in force", "write M3 or M4 before it"),
                 _ => ("no spindle speed is in force", "write S before it"),
             };

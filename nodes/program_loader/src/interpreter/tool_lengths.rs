@@ -21,10 +21,18 @@ const FIXTURE: u32 = 9;
 /// A tool length along Z.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Length {
-    /// The tool whose length in the table is a part of it.
+    /// The tools whose lengths in the table are a part of it; the second one only with the first.
     pub(super) tool: Option<u32>,
+    pub(super) second: Option<u32>,
     /// What is added to that, mm.
     pub(super) added_mm: f64,
+}
+
+impl Length {
+    /// The whole length, mm.
+    fn given(added_mm: f64) -> Self {
+        Self { added_mm, ..Self::default() }
+    }
 }
 
 /// What the program has set for a tool.
@@ -88,7 +96,7 @@ impl Interpreter<'_> {
         let entry = self.tool_entries.get(&tool).and_then(|entry| entry.length);
         // No tool has no length.
         let none = (tool == 0).then(Length::default);
-        entry.or(none).unwrap_or(Length { tool: Some(tool), added_mm: 0.0 })
+        entry.or(none).unwrap_or(Length { tool: Some(tool), ..Length::default() })
     }
 
     /// Z of G43.1 and G43.2; lengths along X and Y are those of turning tools, which no board has.
@@ -123,7 +131,7 @@ impl Interpreter<'_> {
         }
         // LinuxCNC: the axes that are not named keep their offset.
         let kept = self.modal.length.unwrap_or_default();
-        Some(z.map_or(kept, |added_mm| Length { tool: None, added_mm }))
+        Some(z.map_or(kept, Length::given))
     }
 
     fn added_length(&mut self, scene: &mut Scene<'_>, at: usize) -> Option<Length> {
@@ -131,21 +139,22 @@ impl Interpreter<'_> {
         let more = if self.request.present.contains(b'H') {
             self.length_of_h(scene, at)?
         } else if self.has_axis_word() {
-            Length { tool: None, added_mm: self.length_words(scene).unwrap_or(0.0) }
+            Length::given(self.length_words(scene).unwrap_or(0.0))
         } else {
             let message = format!("{} without H and without Z", scene.quote(at));
             let help = "write H with the number of a tool, or Z with a length";
             self.report_at(scene, at, Code::MissingWord, message, help);
             return None;
         };
-        if base.tool.is_some() && more.tool.is_some() {
-            let message = "two lengths of the tool table cannot be added".to_owned();
+        let mut tools = [base, more].into_iter().flat_map(|it| [it.tool, it.second]).flatten();
+        let (tool, second) = (tools.next(), tools.next());
+        if tools.next().is_some() {
+            let message = "no more than two lengths of the tool table are added".to_owned();
             let help = "write one of them into the program: G43.2 Z";
             self.report_at(scene, at, Code::Unsupported, message, help);
             return None;
         }
-        let tool = base.tool.or(more.tool);
-        Some(Length { tool, added_mm: base.added_mm + more.added_mm })
+        Some(Length { tool, second, added_mm: base.added_mm + more.added_mm })
     }
 
     fn has_axis_word(&self) -> bool {
@@ -154,11 +163,11 @@ impl Interpreter<'_> {
 
     /// Sets the length offset; it moves the work frame along Z by a length that only the table has.
     pub(super) fn set_length(&mut self, length: Option<Length>, word: &'static str) {
-        let (offset, length_mm) = match length {
-            None => (None, 0.0),
-            Some(Length { tool, added_mm }) => (Some(tool.unwrap_or(0)), added_mm),
+        let (offset, second, length_mm) = match length {
+            None => (None, None, 0.0),
+            Some(Length { tool, second, added_mm }) => (Some(tool.unwrap_or(0)), second, added_mm),
         };
-        self.act(Action::ToolLength { offset, length_mm });
+        self.act(Action::ToolLength { offset, second, length_mm });
         if self.modal.length != length {
             self.modal.length = length;
             self.axes.lose(AxisSet::NONE.with(2), Cause { source: self.source, word });
@@ -203,7 +212,7 @@ impl Interpreter<'_> {
         }
         let length = match z {
             None => None,
-            Some(z) if mode == 1 => Some(Length { tool: None, added_mm: z }),
+            Some(z) if mode == 1 => Some(Length::given(z)),
             // With this length the position would read Z.
             Some(z) => {
                 if !self.relies(scene, AxisSet::NONE.with(2)) {

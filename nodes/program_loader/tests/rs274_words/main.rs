@@ -209,13 +209,47 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
             "G43.1 Z7; G59.3; rapid X0 Y0 Z10 named Z; G43.1 Z15; M2",
             &[],
         ),
+        (
+            "G43 H1\nG43.2 Z1\nG43.2 H2\nG43 H3\nM2",
+            "G43 H1; G43 H1 and 1; G43 H1 G43.2 H2 and 1; G43 H3; M2",
+            &[],
+        ),
+        (
+            "G96 S120 D2500 M3\nG0 X20\nG95 G1 X10 F.2\nX30 S60\nG97 S500\nX0\nM2",
+            "G96 S120 D2500; M3; rapid X20 Y0 Z0 named X; line X10 Y0 Z0 F190.985932 named X; G96 S60 D2500; \
+             line X30 Y0 Z0 F63.661977 named X; G97; S500; line X0 Y0 Z0 F100 named X; M2",
+            &[],
+        ),
+        // Feet a minute. Of an arc the part that is cut counts.
+        (
+            "G20 G96 S100 D1000\nG21 M3\nG0 X10 Z0\nG18 G95 G3 X10 Z-10 R1000 F.2\nM2",
+            "G96 S30.48 D1000; M3; rapid X10 Y0 Z0 named XZ; plane zx; \
+             arc ccw zx X10 Y0 Z-10 center X-989.9875 Z-5 F96.899728 named XZ; M2",
+            &[],
+        ),
         ("G59.1\nG0 X1\nG59.3\nM2", "G59.1; rapid X1 Y0 Z0 named X; G59.3; M2", &[]),
     ]);
     check_bad(&[
         ("G43.1\nM2", &[("G43.1", "G43.1 without Z")]),
         ("G43.1 X1 Z1\nM2", &[("X1", "a tool length along X or Y is not supported")]),
         ("G43.2\nM2", &[("G43.2", "G43.2 without H and without Z")]),
-        ("G43 H1\nG43.2 H2\nM2", &[("G43.2", "two lengths of the tool table cannot be added")]),
+        ("G96 D1000\nM2", &[("G96", "G96 without S")]),
+        ("G96 S-1 D1000\nM2", &[("S-1", "S-1 is negative")]),
+        (
+            "G96 S100 D1000 M3\nG0 X9 Z1\nG33 Z0 K1\nM2",
+            &[("G33 Z0 K1", "G33 needs a spindle that turns: G96 changes its speed along X")],
+        ),
+        (
+            "G96 S100 D1000 M3\nG97 G95\nG1 X9 F.1\nM2",
+            &[(
+                "G1 X9 F.1",
+                "this move has a feed per revolution (G95), and no spindle speed is in force",
+            )],
+        ),
+        (
+            "G43 H1\nG43.2 H2\nG43.2 H3\nM2",
+            &[("G43.2", "no more than two lengths of the tool table are added")],
+        ),
         ("G10 L1 Z1\nM2", &[("G10", "G10 without P")]),
         ("G10 L1 P0 Z1\nM2", &[("P0", "P0 is not the number of a tool")]),
         ("G10 L10 P0 Z1\nM2", &[("P0", "P0 is not the number of a tool")]),
