@@ -104,7 +104,7 @@ pub struct MachineState {
     /// Coolant, if the controller reports it.
     pub flood: bool,
     pub mist: bool,
-    /// The work system in force: 1 to 6 are G54 to G59; 0 when it is not known.
+    /// The work system in force: 1 to 9 are G54 to G59.3; 0 when it is not known.
     pub work_system: u8,
     /// The program that runs or ran last; empty when none.
     pub program_id: String,

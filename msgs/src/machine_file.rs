@@ -28,7 +28,7 @@ pub struct MachineFile {
     /// `XYZA`: its axes in the order of the settings; empty: X, Y and Z.
     #[serde(default)]
     pub axes: String,
-    /// G54 to G59, G28, G30, G92 and TLO, as `$#` reports them: X, Y and Z, or all axes.
+    /// G54 to G59.3, G28, G30, G92 and TLO, as `$#` reports them: X, Y and Z, or all axes.
     #[serde(default, deserialize_with = "crate::unique::map")]
     pub offsets_mm: BTreeMap<String, Vec<f64>>,
     /// Whether the axes can keep pace with the spindle (`SS` in `[NEWOPT:]` of grblHAL), where it is known.

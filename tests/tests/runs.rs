@@ -12,8 +12,9 @@ use cnc_msgs::geometry::{AxisSet, Shape};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathElement, PathEvent, Role};
 use kerf_tests::line::{Line, straight};
+use kerf_tests::planned;
 use std::sync::Arc;
-use virtual_controller::{Build, Settings};
+use virtual_controller::{Build, Firmware, Settings};
 
 fn element(line: u32, end: [f64; 3], role: Role) -> PathElement {
     PathElement {
@@ -416,4 +417,48 @@ fn a_silence_in_a_run_wants_an_operator_whatever_comes_after_it() {
     assert_eq!(refusal.error_code, error_code::NEEDS_RESET);
     line.ask(Command::SoftReset).unwrap();
     assert_eq!(line.run(straight(3, 1.0)).outcome, RunOutcome::Succeeded);
+}
+
+#[test]
+fn a_program_in_g59_3_runs_where_the_board_has_it_and_nowhere_else() {
+    let program = "G21 G90 G94 G59.3 F1200\nG0 X0 Y0\nG1 X20\nG4 P1\nG10 L2 P9 X-200\nG1 X10\nG4 P1\nG54 G0 X0\nM30\n";
+    let path = planned(program).expect("a path");
+    for firmware in Firmware::ALL {
+        let build = Build {
+            start_in_machine: Some([-300.0, -200.0, -50.0]),
+            ..Build::new(Settings::small_router_of(firmware))
+        };
+        let mut line = Line::connected(build);
+        line.zero_here();
+        let origin = Command::SetWorkOffset(axis_driver::driver::OffsetRequest {
+            further: FurtherAxes::NONE,
+            system: 9,
+            axes: AxisSet::ALL,
+            position: [-250.0, -150.0, -40.0],
+            is_origin: true,
+        });
+        let is_there = line.ask(origin);
+        if firmware != Firmware::GrblHal {
+            let refused = is_there.expect_err("no such system");
+            assert!(refused.message.contains("this controller has no G59.3"), "{refused:?}");
+            let refused = line.ask(request(&path, 0)).expect_err("no such system").message;
+            assert_eq!(
+                refused,
+                "line 1: this controller has no G59.3: it reports no offset of it ($#)"
+            );
+            continue;
+        }
+        is_there.expect("it has nine");
+        let result = line.run(path.clone());
+        assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?} {:?}", line.log);
+        assert!(!line.has_held(), "the watch has seen nothing wrong");
+        let passed = |x: f64| {
+            line.states
+                .iter()
+                .filter_map(|(_, it)| it.machine_position)
+                .any(|at| (at[0] - x).abs() < 0.01)
+        };
+        assert!(passed(-230.0) && passed(-190.0) && passed(-300.0), "{:?}", line.log);
+        assert!(line.states.iter().any(|(_, it)| it.work_system == 9));
+    }
 }

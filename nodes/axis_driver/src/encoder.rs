@@ -117,7 +117,7 @@ struct Modal {
     unknown: AxisSet,
     /// ...this word.
     unknown_since: String,
-    /// 1 to 6; 0 is the first, which every run begins with.
+    /// 1 to 9; 0 is the first, which every run begins with.
     work_system: u8,
     /// The word of the tool length in force; empty when there is none.
     tool_length: String,
@@ -380,7 +380,7 @@ impl Encoder {
     /// Where the lines are drawn that come now.
     fn drawing_frame(&self) -> DrawingFrame {
         let Board { arc_tolerance_mm, work_offsets, .. } = self.config.board;
-        let system = usize::from(self.modal.work_system.clamp(1, 6)) - 1;
+        let system = usize::from(self.modal.work_system.clamp(1, 9)) - 1;
         let mut offset_mm = work_offsets[system];
         offset_mm[2] += self.modal.tool_length_mm;
         DrawingFrame { offset_mm, tolerance_mm: arc_tolerance_mm }

@@ -244,7 +244,7 @@ impl PathWatch {
         (self.least, self.bound) = (self.least.after(gone), self.bound.after(gone));
     }
 
-    /// The origin of a work system (1 to 6) as the lines have left it, without the shift of G92.
+    /// The origin of a work system (1 to 9) as the lines have left it, without the shift of G92.
     pub fn stored(&self, system: u8) -> Option<Position> {
         let zero = self.sent.frame.systems.get(usize::from(system).checked_sub(1)?)?;
         let shift = self.sent.frame.shift;

@@ -8,6 +8,7 @@ use crate::operate::{
 };
 use crate::status::further_text;
 use clap::{Args, ValueEnum};
+use cnc_msgs::contour::work_system;
 use cnc_msgs::convert::further_to_wire;
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
@@ -73,7 +74,7 @@ pub(crate) struct ZeroArgs {
     /// Coordinates of the current tool position, in millimetres and degrees: X0 Y0 A0
     #[arg(required = true, value_parser = any_word)]
     axes: Vec<Word>,
-    /// G54 to G59, or G92 for the shift on top of them
+    /// G54 to G59.3, or G92 for the shift on top of them
     #[arg(long, value_name = "SYSTEM", default_value = "G54", value_parser = system)]
     system: u8,
     /// The numbers are the origin in the machine frame instead
@@ -124,11 +125,12 @@ fn any_word(text: &str) -> Result<Word, String> {
 }
 
 fn system(text: &str) -> Result<u8, String> {
-    let number = text.trim_start_matches(['G', 'g']).parse::<u8>().ok();
-    match number {
-        Some(number @ 54..=59) => Ok(number - 53),
-        Some(92) => Ok(92),
-        _ => Err("G54 to G59, or G92".into()),
+    let word = text.to_ascii_uppercase();
+    let is_meant = |system: &u8| word.trim_start_matches('G') == &work_system(*system)[1..];
+    match (1..=9).find(is_meant) {
+        Some(system) => Ok(system),
+        None if word.trim_start_matches('G') == "92" => Ok(92),
+        None => Err("G54 to G59.3, or G92".into()),
     }
 }
 

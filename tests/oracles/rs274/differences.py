@@ -17,7 +17,7 @@ DIFFERENCES = [
     (r"ncfiles/smartprobe", "Kerf refuses", r"ends where it begins",
      "a probe of no length: grbl and grblHAL refuse it, too"),
     (r"^tool lengths", "Kerf refuses", r"length along X or Y|two lengths of the tool table",
-     "boards take one length along Z, and the loader has no tool table to add two of its lengths"),
+     "boards take one length along Z, and of the tool table two lengths are added"),
     (r"ncfiles/(offsets|roparams)", "differ", r"######",
      "a message shows ###### for a value that only the machine knows"),
     (r"^tool table", "Kerf refuses", r"G59.3: its zero, or that of",

@@ -131,7 +131,7 @@ pub struct ControllerSettings {
     pub spindle_sync: Option<bool>,
 }
 
-/// A stored position: G54 to G59, G28, G30, G92, TLO; machine frame, mm and degrees.
+/// A stored position: G54 to G59.3, G28, G30, G92, TLO; machine frame, mm and degrees.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Offset {
     pub name: String,

@@ -80,7 +80,7 @@ impl Encoder {
                 self.push_action(text, LineKind::Motion, false, source)
             }
             Action::WorkOffset { system } => {
-                check_work_system(system)?;
+                self.check_work_system(system)?;
                 self.modal.forget(AxisSet::ALL, &event.action.text());
                 self.modal.further_at = FurtherAxes::NONE;
                 self.modal.work_system = system;
@@ -175,6 +175,13 @@ impl Encoder {
         }
     }
 
+    fn check_work_system(&self, system: u8) -> Result<(), EncodeProblem> {
+        match (1..=self.config.board.work_systems).contains(&system) {
+            true => Ok(()),
+            false => Err(EncodeProblem::WorkOffset { system }),
+        }
+    }
+
     /// G10 L2 and L20.
     fn encode_work_offset(
         &mut self,
@@ -184,7 +191,7 @@ impl Encoder {
         by_position: bool,
         source: Source,
     ) -> Result<(), EncodeProblem> {
-        check_work_system(system)?;
+        self.check_work_system(system)?;
         let further = self.take_further(source)?;
         let mut text = format!("G10L{}P{system}", if by_position { 20 } else { 2 });
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
@@ -362,11 +369,6 @@ impl Encoder {
         self.modal.unknown = AxisSet::NONE;
         Ok(())
     }
-}
-
-/// The driver knows the offsets of these systems only.
-fn check_work_system(system: u8) -> Result<(), EncodeProblem> {
-    if (1..=6).contains(&system) { Ok(()) } else { Err(EncodeProblem::WorkOffset { system }) }
 }
 
 /// `S1000`

@@ -2,7 +2,7 @@
 
 use cnc_msgs::further::FURTHER_LETTERS;
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// What the controller takes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -47,8 +47,12 @@ pub struct Board {
     pub arc_tolerance_mm: f64,
     /// `$32`: S in the line of a move does not stop the machine.
     pub is_laser: bool,
-    /// G54 to G59, each with G92, in the machine frame, mm; zero where unknown.
-    pub work_offsets: [Position; 6],
+    /// G54 to G59.3, each with G92, in the machine frame, mm; zero where unknown.
+    #[serde(deserialize_with = "nine")]
+    pub work_offsets: [Position; 9],
+    /// How many of them it has, 6 or 9.
+    #[serde(default = "six")]
+    pub work_systems: u8,
     /// The axes that it has besides X, Y and Z, as the bits of
     /// [`FurtherAxes`](cnc_msgs::further::FurtherAxes).
     #[serde(default)]
@@ -57,6 +61,18 @@ pub struct Board {
     /// where they cannot (no `SS` in `[NEWOPT:]`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thread_mm_per_min_max: Option<[Option<f64>; 3]>,
+}
+
+const fn six() -> u8 {
+    6
+}
+
+/// Records of before have the first six.
+fn nine<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[Position; 9], D::Error> {
+    let some: Vec<Position> = Vec::deserialize(deserializer)?;
+    let mut all = [[0.0; 3]; 9];
+    all.iter_mut().zip(some).for_each(|(to, from)| *to = from);
+    Ok(all)
 }
 
 impl Board {
@@ -79,7 +95,8 @@ impl Default for Board {
         Self {
             arc_tolerance_mm: 0.002,
             is_laser: false,
-            work_offsets: [[0.0; 3]; 6],
+            work_offsets: [[0.0; 3]; 9],
+            work_systems: six(),
             further_axes: 0,
             thread_mm_per_min_max: None,
         }

@@ -54,7 +54,7 @@ pub enum EncodeProblem {
          before it"
     )]
     UnknownStart { axes: String, since: String },
-    #[error("{} is not supported: the driver knows the offsets of G54 to G59", work_system(*system))]
+    #[error("this controller has no {}: it reports no offset of it ($#)", work_system(*system))]
     WorkOffset { system: u8 },
     #[error(
         "the program moves {letter}, and this controller has no axis {letter}: its axes are {axes}"

@@ -257,7 +257,7 @@ fn what_grbl_cannot_do_is_refused_with_its_line() {
         ),
         (
             Action::WorkOffset { system: 7 },
-            "line 7: G59.1 is not supported: the driver knows the offsets of G54 to G59",
+            "line 7: this controller has no G59.1: it reports no offset of it ($#)",
         ),
         (
             Action::SetWorkOffset {

@@ -7,15 +7,15 @@ use cnc_msgs::geometry::Position;
 /// The offsets of the controller when a run begins; machine frame, mm, `None` where unknown.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Frame {
-    /// G54 to G59, each with the shift of G92.
-    pub systems: [Option<Position>; 6],
+    /// G54 to G59.3, each with the shift of G92.
+    pub systems: [Option<Position>; 9],
     /// The shift of G92.
     pub shift: Position,
     /// The place of G28 and that of G30.
     pub references: [Option<Position>; 2],
     /// Machine = work + this.
     pub in_force: Option<Position>,
-    /// 1 to 6.
+    /// 1 to 9.
     pub system: Option<u8>,
     pub tool_length_mm: Option<f64>,
     pub further: FurtherFrame,

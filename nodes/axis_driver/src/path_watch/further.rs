@@ -14,8 +14,8 @@ const TURN_DEGREES: f64 = 360.0;
 /// The offsets of the controller for these axes; those that are not named are not known.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FurtherFrame {
-    /// G54 to G59, each with the shift of G92.
-    pub systems: [FurtherAxes; 6],
+    /// G54 to G59.3, each with the shift of G92.
+    pub systems: [FurtherAxes; 9],
     /// The shift of G92.
     pub shift: FurtherAxes,
     /// Machine = work + this.

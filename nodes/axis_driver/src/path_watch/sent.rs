@@ -15,7 +15,7 @@ pub(super) struct WordsInForce {
     /// 0 to 3.
     pub(super) motion: Option<u8>,
     pub(super) plane: Option<Plane>,
-    /// 1 to 6.
+    /// 1 to 9.
     pub(super) work_system: Option<u8>,
     pub(super) is_relative: Option<bool>,
     pub(super) is_metric: Option<bool>,
@@ -154,7 +154,7 @@ impl Sent {
     }
 
     fn store_offset(&mut self, words: &LineWords) {
-        let Some(system) = words.p.filter(|p| (1.0..=6.0).contains(p)) else { return };
+        let Some(system) = words.p.filter(|p| (1.0..=9.0).contains(p)) else { return };
         self.frame_changes += 1;
         self.frame.further.store(words, system as u8, self.frame.system, self.further);
         let length = self.frame.tool_length_mm;

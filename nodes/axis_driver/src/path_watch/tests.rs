@@ -18,7 +18,7 @@ const ZERO: Position = [-100.0, -50.0, -10.0];
 
 /// G54 is at [`ZERO`], where the tool stands; G55 is 10 mm farther along X.
 fn watch() -> PathWatch {
-    let mut systems = [None; 6];
+    let mut systems = [None; 9];
     systems[0] = Some(ZERO);
     systems[1] = Some([-90.0, -50.0, -10.0]);
     let frame = Frame {
@@ -294,7 +294,7 @@ fn a_further_axis_goes_with_its_line() {
     let one = |value: f64| FurtherAxes::NONE.with(A, value);
     let mut frame = FurtherFrame { shift: one(0.0), ..FurtherFrame::default() };
     frame.systems[0] = one(-5.0);
-    let systems = [Some(ZERO); 6];
+    let systems = [Some(ZERO); 9];
     let tool_length_mm = Some(0.0);
     let frame = Frame { systems, tool_length_mm, further: frame, ..Frame::default() };
     let mut watch = PathWatch::new(board(), frame, Some(ZERO), one(-5.0));
@@ -382,8 +382,8 @@ fn f_of_a_time_is_no_feed_after_the_words_were_forgotten() {
 fn an_angle_that_follows_from_an_offset_is_not_believed_before_that_is_shown() {
     let one = |value: f64| FurtherAxes::NONE.with(0, value);
     let mut further = FurtherFrame { shift: one(0.0), ..FurtherFrame::default() };
-    further.systems = [one(0.0); 6];
-    let systems = [Some(ZERO); 6];
+    further.systems = [one(0.0); 9];
+    let systems = [Some(ZERO); 9];
     let tool_length_mm = Some(0.0);
     let frame = Frame { systems, tool_length_mm, further, ..Frame::default() };
     let mut watch = PathWatch::new(board(), frame, Some(ZERO), one(0.0));

@@ -73,9 +73,9 @@ impl LineWords {
         self.g.iter().rev().find_map(|word| tenths.iter().position(|of| of == word))
     }
 
-    /// G54 to G59 as 1 to 6.
+    /// G54 to G59.3 as 1 to 9.
     pub(super) fn work_system(&self) -> Option<u8> {
-        let index = self.last_of(&[540, 550, 560, 570, 580, 590])?;
+        let index = self.last_of(&[540, 550, 560, 570, 580, 590, 591, 592, 593])?;
         u8::try_from(index + 1).ok()
     }
 

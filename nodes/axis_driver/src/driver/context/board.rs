@@ -4,6 +4,7 @@ use super::machine::Machine;
 use crate::driver::output::Offset;
 use crate::encoder::Board;
 use crate::firmware::THREAD_SHARE;
+use cnc_msgs::contour::work_system;
 use cnc_msgs::geometry::Position;
 
 impl Machine {
@@ -17,7 +18,7 @@ impl Machine {
         };
         let shift = self.shift();
         let system = |index: usize| {
-            let stored = place(&format!("G{}", 54 + index));
+            let stored = place(&work_system(index as u8 + 1));
             std::array::from_fn(|axis| stored[axis] + shift[axis])
         };
         let tolerance = setting(12).filter(|tolerance| *tolerance > 0.0);
@@ -25,6 +26,7 @@ impl Machine {
             arc_tolerance_mm: tolerance.unwrap_or(usual.arc_tolerance_mm),
             is_laser: setting(32) == Some(1.0),
             work_offsets: std::array::from_fn(system),
+            work_systems: self.work_systems(),
             further_axes: self.further_axes(),
             thread_mm_per_min_max: self.has_spindle_sync.then(|| {
                 [110, 111, 112].map(|number| setting(number).map(|fastest| fastest * THREAD_SHARE))
@@ -52,7 +54,8 @@ mod tests {
             });
         }
         let shift = [0.0, 0.5, 10.0];
-        let work_offsets = [shift, [-300.0, -200.0, -30.0], shift, shift, shift, shift];
+        let mut work_offsets = [shift; 9];
+        work_offsets[1] = [-300.0, -200.0, -30.0];
         machine.on_message(&Message::Axes("XYZAC".into()));
         let options = ["RT+", "TC", "SS", "SED"].map(str::to_owned).to_vec();
         machine.on_message(&Message::NewOptions(options));
@@ -62,10 +65,16 @@ mod tests {
             arc_tolerance_mm: 0.01,
             is_laser: true,
             work_offsets,
+            work_systems: 6,
             further_axes: 0b101,
             thread_mm_per_min_max: Some([Some(1800.0), None, Some(900.0)]),
         };
         assert_eq!(machine.board(), expected);
+        machine.remember("G59.3", [1.0, 2.0, 3.0]);
+        assert_eq!(
+            (machine.board().work_systems, machine.board().work_offsets[8]),
+            (9, [1.0, 2.5, 13.0])
+        );
         machine.on_setting(12, "0");
         assert_eq!(machine.board().arc_tolerance_mm, Board::default().arc_tolerance_mm);
     }

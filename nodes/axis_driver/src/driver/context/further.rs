@@ -6,6 +6,7 @@
 use super::machine::Machine;
 use crate::path_watch::FurtherFrame;
 use crate::report::{ReportUnits, StatusReport};
+use cnc_msgs::contour::work_system;
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::machine::FurtherPlaces;
 use serde::{Deserialize, Serialize};
@@ -138,7 +139,7 @@ impl Machine {
     pub(in crate::driver) fn further_frame(&self) -> FurtherFrame {
         let shift = self.further_stored("G92");
         let system = |index: usize| {
-            let zero = self.further_stored(&format!("G{}", 54 + index));
+            let zero = self.further_stored(&work_system(index as u8 + 1));
             let known =
                 zero.iter().filter_map(|(axis, zero)| Some((axis, zero + shift.get(axis)?)));
             known.collect()

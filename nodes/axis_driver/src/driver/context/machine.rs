@@ -46,7 +46,7 @@ pub(in crate::driver) struct Machine {
     pub(in crate::driver) overrides_percent: [u8; 3],
     pub(in crate::driver) alarm_code: u16,
     pub(in crate::driver) is_homed: bool,
-    /// 1 to 6; `None` when a program may have left any.
+    /// 1 to 9; `None` when a program may have left any.
     pub(in crate::driver) work_system: Option<u8>,
     pub(in crate::driver) has_tool_length: Option<bool>,
     pub(in crate::driver) is_silent: bool,

@@ -3,6 +3,7 @@
 use super::machine::Machine;
 use crate::driver::output::Offset;
 use crate::report::StatusReport;
+use cnc_msgs::contour::work_system;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
 
@@ -45,8 +46,7 @@ impl Machine {
         let stored = |name: &str| {
             self.offsets.iter().find(|offset| offset.name == name).map(|offset| offset.position)
         };
-        let system = self.work_system.filter(|system| (1..=6).contains(system))?;
-        let zero = stored(&format!("G{}", 53 + system))?;
+        let zero = stored(&work_system(self.work_system?))?;
         let shifts = ["G92", "TLO"].map(|name| stored(name).unwrap_or_default());
         Some([0, 1, 2].map(|axis| zero[axis] + shifts[0][axis] + shifts[1][axis]))
     }
@@ -66,12 +66,17 @@ impl Machine {
         const ROUNDING_MM: f64 = 0.002;
         let stored = |name: &str| self.offsets.iter().find(|stored| stored.name == name);
         let shifts = ["G92", "TLO"].map(|name| stored(name).map_or([0.0; 3], |it| it.position));
-        (54..=59).filter_map(|system| stored(&format!("G{system}"))).any(|zero| {
+        (1..=9).filter_map(|system| stored(&work_system(system))).any(|zero| {
             (0..3).all(|axis| {
                 let sum = zero.position[axis] + shifts[0][axis] + shifts[1][axis];
                 (sum - offset[axis]).abs() <= ROUNDING_MM
             })
         })
+    }
+
+    /// How many work systems it has: it reports G59.1 to G59.3 where there are nine.
+    pub(in crate::driver) fn work_systems(&self) -> u8 {
+        if self.offsets.iter().any(|offset| offset.name == "G59.3") { 9 } else { 6 }
     }
 
     /// The shift of G92, zero if it was not reported.

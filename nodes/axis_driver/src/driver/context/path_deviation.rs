@@ -3,6 +3,7 @@
 use super::machine::Machine;
 use crate::path_watch::{Board, Frame, PathWatch, Rates};
 use crate::report::ReportUnits;
+use cnc_msgs::contour::work_system;
 use cnc_msgs::further::FurtherAxes;
 use serde::{Deserialize, Serialize};
 
@@ -77,7 +78,7 @@ impl Machine {
         };
         let shift = self.shift();
         let system = |index: usize| {
-            let zero = stored(&format!("G{}", 54 + index))?;
+            let zero = stored(&work_system(index as u8 + 1))?;
             Some([0, 1, 2].map(|axis| zero[axis] + shift[axis]))
         };
         Frame {

@@ -7,7 +7,7 @@ use crate::driver::context::Context;
 use crate::encoder::DEGREES_MAX;
 use crate::encoder::words::{to_grid, write_word};
 use crate::link::LineKind;
-use cnc_msgs::contour::Probe;
+use cnc_msgs::contour::{Probe, work_system};
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use serde::{Deserialize, Serialize};
@@ -55,7 +55,7 @@ pub struct ProbeRequest {
 /// Which coordinates the tool position gets, or where the origin of a work system is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct OffsetRequest {
-    /// 1 to 6 are G54 to G59, 92 is G92.
+    /// 1 to 9 are G54 to G59.3, 92 is G92.
     pub system: u8,
     pub axes: AxisSet,
     /// mm: the coordinates for the tool position, or where the origin lies.
@@ -169,8 +169,16 @@ impl Order {
         let OffsetRequest { system, axes, position, is_origin, further } = request;
         let words = axis_words(context, axes, position, further)?;
         let (line, name) = match (system, is_origin) {
-            (1..=6, true) => (format!("G21G10L2P{system}{words}"), format!("G{}", 53 + system)),
-            (1..=6, false) => (format!("G21G10L20P{system}{words}"), format!("G{}", 53 + system)),
+            (1..=9, _) if system <= context.machine.work_systems() => {
+                let set = if is_origin { 2 } else { 20 };
+                (format!("G21G10L{set}P{system}{words}"), work_system(system))
+            }
+            (7..=9, _) => {
+                return invalid(format!(
+                    "this controller has no {}: it reports no offset of it ($#)",
+                    work_system(system)
+                ));
+            }
             (G92, false) => (format!("G21G92{words}"), "G92".into()),
             (G92, true) => {
                 return invalid(
@@ -179,7 +187,7 @@ impl Order {
             }
             _ => {
                 return invalid(format!(
-                    "work system {system} does not exist: 1 to 6 are G54 to G59, 92 is G92"
+                    "work system {system} does not exist: 1 to 9 are G54 to G59.3, 92 is G92"
                 ));
             }
         };

@@ -15,7 +15,7 @@ use crate::driver::output::{LogLevel, Output};
 use crate::encoder::{PREAMBLE, PREAMBLE_IN_FRAME, SYNC};
 use crate::link::LineKind;
 use crate::report::ControllerState;
-use cnc_msgs::contour::{Action, Source};
+use cnc_msgs::contour::{Action, Source, work_system};
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::PathEvent;
@@ -453,9 +453,8 @@ fn refuse_unrecorded(reason: &str) -> Exit {
 
 /// The work system that a line of ours selects.
 fn selected_system(line: &str) -> Option<u8> {
-    const WORDS: [&str; 6] = ["G54", "G55", "G56", "G57", "G58", "G59"];
     let word = line.rfind("G5").and_then(|at| line.get(at..))?;
-    WORDS.iter().zip(1..).find(|(known, _)| word == **known).map(|(_, system)| system)
+    (1..=9).find(|system| word == work_system(*system))
 }
 
 fn own_line(origin: &Origin) -> &'static str {

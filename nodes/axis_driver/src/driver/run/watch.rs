@@ -9,7 +9,7 @@ use crate::driver::context::path_deviation::{OnPathDeviation, PATH_DEVIATION};
 use crate::driver::output::LogLevel;
 use crate::path_watch::{Culprit, Deviation, PathWatch, Seen};
 use crate::report::{ControllerState, StatusReport};
-use cnc_msgs::contour::Source;
+use cnc_msgs::contour::{Source, work_system};
 use cnc_msgs::further::FurtherAxes;
 use std::time::Duration;
 
@@ -93,7 +93,7 @@ impl ProgramRun {
         if let Some(system) = digit.and_then(|digit| u8::try_from(digit).ok())
             && let Some(place) = watch.stored(system)
         {
-            context.machine.remember(&format!("G{}", 53 + system), place);
+            context.machine.remember(&work_system(system), place);
         }
     }
 
