@@ -70,20 +70,22 @@ fn the_machine_stands_while_a_function_is_done_and_goes_on_after_it() {
 #[test]
 fn a_function_that_is_not_done_ends_the_run_where_it_stands() {
     for (end, says) in [
-        (Some(Err("the gripper is empty")), "line 3: M101 P2 Q-0.5: the gripper is empty"),
-        (None, "line 3: M101 P2 Q-0.5: no answer within 60 s (user_function_s_max)"),
+        (Some(Err("the gripper is empty")), "the gripper is empty"),
+        (None, "no answer within 60 s (user_function_s_max)"),
     ] {
         let mut line = calling();
         match end {
             Some(answer) => done(&mut line, answer),
-            None => line.wait(66.0),
+            None => line.wait(75.0),
         }
         let result = line.result();
         assert_eq!(
             (result.outcome, result.error_code),
             (RunOutcome::Aborted, error_code::USER_FUNCTION)
         );
-        assert_eq!((result.message.as_str(), result.blamed_line), (says, 3));
+        let next = "to go on, begin at line 3 to have it done, or after it if it was done";
+        assert_eq!(result.message, format!("line 3: M101 P2 Q-0.5: {says}; {next}"));
+        assert_eq!(result.blamed_line, 3);
         line.until("idle", |line| line.mode() == Mode::Idle);
         assert!((x(&line) - 20.0).abs() < 0.01, "{}", x(&line));
         assert_eq!(line.calls.len(), 1);
@@ -95,6 +97,11 @@ fn a_hold_lasts_beyond_the_end_of_the_function() {
     let mut line = calling();
     line.ask(Command::FeedHold).expect("a hold");
     line.until("the hold", |line| line.mode() == Mode::Hold);
+    let reason = line.state().reason;
+    assert!(reason.ends_with("FUNCTION: M101 P2 Q-0.5 is being done (line 3)"), "{reason}");
+    // Its node may wait, too.
+    line.wait(200.0);
+    assert!(line.finished.is_none(), "{:?}", line.finished);
     done(&mut line, Ok(""));
     line.wait(5.0);
     assert!((x(&line) - 20.0).abs() < 0.01, "{}", x(&line));
@@ -114,7 +121,10 @@ fn a_canceled_run_waits_for_no_answer_and_takes_none_for_the_next_run() {
     line.start(path(), 0);
     line.until("the call of the next run", |line| line.calls.len() == 2);
     let UserFunctionCall { run, call, .. } = of_before;
-    let _ = line.ask(Command::UserFunctionEnded { run, call, answer: Ok(String::new()) });
+    let says = "line 3: M101 P2 Q-0.5 was called, and may go on";
+    assert!(line.log.iter().any(|it| it == says), "{:?}", line.log);
+    let late = line.ask(Command::UserFunctionEnded { run, call, answer: Ok(String::new()) });
+    assert_eq!(late.expect_err("too late").message, "no run waits for it any more");
     line.wait(5.0);
     assert_eq!(line.calls.len(), 2);
     assert!((x(&line) - 20.0).abs() < 0.01, "{}", x(&line));
@@ -137,4 +147,53 @@ fn a_run_from_the_middle_does_not_call_what_comes_before() {
     line.start(path(), 4);
     line.until("the call", |line| !line.calls.is_empty());
     assert_eq!(line.calls[0].function.number, 102);
+}
+
+#[test]
+fn a_function_is_a_block_of_single_block_mode() {
+    let mut line = ready();
+    line.ask(Command::SetSingleBlock(true)).expect("a mode");
+    line.start(path(), 0);
+    let mut seen = Vec::new();
+    while line.finished.is_none() {
+        let called = line.calls.len();
+        line.until("a block, a call or the end", |line| {
+            line.mode() == Mode::Hold || line.calls.len() > called || line.finished.is_some()
+        });
+        if line.calls.len() > called {
+            seen.push(line.calls[called].function.to_string());
+            done(&mut line, Ok(""));
+        } else if line.finished.is_none() {
+            let reason = line.state().reason;
+            seen.push(reason.replace("SINGLE_BLOCK: resume to go on ", ""));
+            assert!(line.ask_resume());
+        }
+    }
+    let wanted = [
+        "(line 1)",
+        "(line 2)",
+        "M101 P2 Q-0.5",
+        "(line 3)",
+        "(line 4)",
+        "M102",
+        "(line 5)",
+        "(line 6)",
+    ];
+    assert_eq!(seen, wanted);
+}
+
+#[test]
+fn a_function_is_not_called_while_a_hold_waits_nor_without_the_ros_side() {
+    let mut line = ready();
+    line.start(path(), 0);
+    line.until("the end of the first move", |line| x(line) > 19.0);
+    line.ask(Command::FeedHold).expect("a hold");
+    line.wait(10.0);
+    assert!(line.calls.is_empty());
+    let _ = line.ask(Command::RosFace { is_there: false });
+    assert!(line.ask_resume());
+    let result = line.result();
+    assert_eq!(result.error_code, error_code::USER_FUNCTION, "{result:?}");
+    assert!(result.message.contains("it was not called"), "{result:?}");
+    assert!(line.calls.is_empty());
 }

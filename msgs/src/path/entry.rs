@@ -201,6 +201,8 @@ pub fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
             Action::WorkOffset { .. } => slots[1] = Some(*event),
             Action::ToolLength { .. } => slots[2] = Some(*event),
             Action::SpindleSpeed { .. } => slots[3] = Some(*event),
+            // G96: the speed follows from X.
+            Action::Auxiliary { letter: 'G', number: 96.0, .. } => slots[3] = None,
             Action::Spindle(mode) => slots[4] = (mode != SpindleMode::Off).then_some(*event),
             Action::Coolant(CoolantMode::Mist) => slots[5] = Some(*event),
             Action::Coolant(CoolantMode::Flood) => slots[6] = Some(*event),

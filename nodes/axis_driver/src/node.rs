@@ -30,8 +30,8 @@ pub(crate) use parameters::{declared, keep_out, serial_config};
 pub use viewers::settings_to_wire;
 
 use crate::driver::{
-    COMMANDER_LOST, ControllerSettings, LogLevel, Output, PATH_DEVIATION, ProbesOfRun, ROS_LOST,
-    Refusal, UserFunctionCall,
+    COMMANDER_LOST, Command, ControllerSettings, LogLevel, Output, PATH_DEVIATION, ProbesOfRun,
+    ROS_LOST, Refusal, UserFunctionCall,
 };
 use crate::journal::{Order, ReplanOrder};
 use crate::motion::{self, FACE_VARIABLE};
@@ -440,7 +440,13 @@ impl RemoteDriver {
 
     /// Offers the core another path for what is left of its run.
     async fn replan(&self, paths: &Paths, of: u64, planned: Planned) {
-        let Planned { program_id, revision, .. } = planned.clone();
+        let Planned { program_id, revision, functions, .. } = planned.clone();
+        if let Err(refusal) = user_functions::check(self, &program_id, &functions, 0).await {
+            tracing::warn!("revision {revision} is not accepted: {}", refusal.message);
+            let answer = Err(refusal.message);
+            let _ = self.ask(Command::ProgramContinued { of, answer }, REPLY_WITHIN).await;
+            return;
+        }
         let order = Order::Replan(ReplanOrder { program_id, of, revision });
         match self.ask(order, REPLY_WITHIN).await {
             Ok(message) => {

@@ -7,8 +7,10 @@ mod layer;
 mod run;
 mod start;
 
+use crate::picture::turns::turns;
 use crate::picture::view::{Point, View};
 use cnc_msgs::calls::{Call, Calls, chain_text};
+use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::AXIS_LETTERS;
 use cnc_msgs::path::CompensatedPath;
@@ -58,6 +60,8 @@ pub(crate) struct Sheet<'a> {
     pub(crate) calls: Vec<(Option<String>, u32, u32, u32)>,
     pub(crate) uncut: Vec<Outline>,
     pub(crate) pins: Vec<Pin>,
+    /// Where further axes arrive, with their words and the line.
+    pub(crate) turns: Vec<(Point, String, u32)>,
     /// Place and text.
     pub(crate) differences: Vec<[String; 2]>,
     /// Index of the run on the page.
@@ -109,6 +113,12 @@ impl<'a> Sheet<'a> {
             line: finding.source.line,
             at: finding.position.map(|position| view.project(position)),
         }));
+    }
+
+    /// Marks where further axes arrive.
+    pub(crate) fn turn(&mut self, contour: &ProgrammedContour, view: View) {
+        let marks = turns(contour).into_iter();
+        self.turns = marks.map(|it| (view.project(it.at), it.words, it.line)).collect();
     }
 
     /// Takes the calls and passes that elements were run in.

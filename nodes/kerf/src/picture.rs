@@ -6,6 +6,7 @@
 
 pub(crate) mod look;
 mod strokes;
+pub(crate) mod turns;
 pub(crate) mod view;
 
 use cnc_msgs::contour::{Action, ContourEventKind, CutterSide, ProgrammedContour};
@@ -14,7 +15,7 @@ use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use cnc_msgs::path::PathElement;
 use cnc_msgs::profile::{OutputPoint, Profile};
 use compensation_planner::UncutRegion;
-use look::{CORNER, PATH, PROGRAMMED, RAPID};
+use look::{CORNER, PATH, PROGRAMMED, RAPID, TURN};
 use std::io::{self, Write};
 use strokes::Bounds;
 use view::{Point, View};
@@ -55,6 +56,7 @@ pub(crate) fn write(picture: &Picture<'_>, svg: &mut impl Write) -> io::Result<(
     }
     strokes::write(svg, programmed(), view)?;
     strokes::write(svg, compensated(), view)?;
+    frame.turns(svg, picture.contour, view)?;
     for (number, finding) in picture.findings.iter().enumerate() {
         if let Some(position) = finding.position {
             frame.pin(svg, view.project(position), number, finding)?;
@@ -123,6 +125,7 @@ impl Frame {
              .axis{{stroke:#c3c8ce;stroke-width:{:.4}}}\
              text{{font:{text:.4}px sans-serif;fill:#30343a}}.tick{{fill:#9aa0a8;font-size:{:.4}px}}\
              .uncut{{fill:#f2b8a0;stroke:#c65b2b;stroke-width:{:.4}}}\
+             .turn path{{fill:{TURN}}}.turn text{{fill:{TURN};font-size:{:.4}px}}\
              .error{{fill:#c62828}}.warning{{fill:#d98200}}</style>",
             line * 1.2,
             line * 1.8,
@@ -134,6 +137,7 @@ impl Frame {
             line * 0.8,
             text * 0.7,
             line * 0.8,
+            text * 0.8,
         )?;
         let [first, second, _] = view.plane.axes();
         writeln!(
@@ -207,6 +211,42 @@ impl Frame {
         Ok(())
     }
 
+    /// Marks where further axes arrive; a word that another one would cover is left out.
+    fn turns(
+        &self,
+        svg: &mut impl Write,
+        contour: &ProgrammedContour,
+        view: View,
+    ) -> io::Result<()> {
+        let (text, size) = (self.text, 0.35 * self.text);
+        let mut written: Vec<Point> = Vec::new();
+        for turn in turns::turns(contour) {
+            let [x, y] = view.project(turn.at);
+            let words = escape(&turn.words);
+            let is_free = |at: &Point| {
+                (at[0] - x).abs() > 0.6 * text * words.len() as f64 || (at[1] - y).abs() > text
+            };
+            write!(
+                svg,
+                "<g class=\"turn\"><title>{words}, line {}</title>\
+                 <path d=\"M{x:.6} {:.6}l{size:.6} {size:.6}l-{size:.6} {size:.6}l-{size:.6} -{size:.6}z\"/>",
+                turn.line,
+                y - size
+            )?;
+            if written.iter().all(is_free) {
+                written.push([x, y]);
+                write!(
+                    svg,
+                    "<text x=\"{:.6}\" y=\"{:.6}\">{words}</text>",
+                    x + 1.5 * size,
+                    y + 0.4 * text
+                )?;
+            }
+            writeln!(svg, "</g>")?;
+        }
+        Ok(())
+    }
+
     fn pin(
         &self,
         svg: &mut impl Write,
@@ -236,7 +276,7 @@ impl Frame {
     }
 }
 
-/// That the program moves axes which no picture shows, and where it begins to.
+/// That the program moves axes of which a picture has only where they arrive, and where it begins to.
 pub(crate) fn further_note(contour: &ProgrammedContour) -> Option<String> {
     let mut moved = contour.events.iter().filter_map(|event| match event.kind {
         ContourEventKind::Action(Action::Further(it)) => Some((it.axes, event.source.line)),
@@ -245,7 +285,10 @@ pub(crate) fn further_note(contour: &ProgrammedContour) -> Option<String> {
     let (first, line) = moved.next()?;
     let letters = moved.fold(first, |all, (axes, _)| axes.or(all)).letters();
     let letters: Vec<String> = letters.chars().map(String::from).collect();
-    Some(format!("also moves {} from line {line} on, which is not drawn", letters.join(", ")))
+    Some(format!(
+        "also moves {} from line {line} on: marks show where they arrive",
+        letters.join(", ")
+    ))
 }
 
 /// An entry of the legend.

@@ -312,6 +312,7 @@ impl Planned {
             Layer::compensated(layer, self.start(), elements, view),
         ];
         sheet.call(&self.loaded.contour.calls);
+        sheet.turn(&self.loaded.contour, view);
         sheet.find(&self.findings, view);
         sheet.fill(&self.verdict.plan.uncut, view);
         Page { sheets: vec![sheet], runs: Vec::new() }

@@ -8,6 +8,7 @@ use crate::latched::{LATCHED_WITHIN, newest, newest_there};
 use crate::operate::{RunArgs, begin};
 use crate::output_file::OutputFile;
 use crate::page::StartInTheMiddle;
+use axis_driver::codes::error_code::USER_FUNCTION;
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::convert::mode_from_wire;
@@ -60,6 +61,9 @@ fn start_of(
     }
     if last.outcome == RunResult::OUTCOME_SUCCEEDED {
         return Err("the last run was cut to its end: kerf run begins at the start".into());
+    }
+    if last.error_code == USER_FUNCTION {
+        return Err(format!("{}: {by_hand}", last.message));
     }
     let occurrence_or = |of_last| if asked.1 > 0 { asked.1 } else { of_last };
     match (last.last_line, last.start_line) {

@@ -107,7 +107,7 @@ fn jogs_zeros_overrides_and_probes_are_typed() {
     machine.kerf(&["jog", "X1", "X2"]).expect(2).says(&["X occurs twice"]);
     machine.kerf(&["jog", "A1"]).expect(4).says(&["no axis A: it has X Y Z"]);
     machine.kerf(&["jog", "Q1"]).expect(2).says(&["an axis and a number"]);
-    machine.kerf(&["zero", "X0", "--system", "G60"]).expect(2).says(&["G54 to G59, or G92"]);
+    machine.kerf(&["zero", "X0", "--system", "G60"]).expect(2).says(&["G54 to G59.3, or G92"]);
     machine.kerf(&["override", "--feed", "80", "--rapid", "25"]).expect(0);
     machine.kerf(&["override", "--rapid", "70"]).expect(2).says(&["25, 50 or 100"]);
     let status = machine::until("the overrides", || {

@@ -405,5 +405,10 @@ impl ProgramRun {
         {
             state.reason.clone_from(reason);
         }
+        if let (Stage::Calling(calling), Mode::Hold | Mode::Door) = (&self.stage, state.mode) {
+            let reason = self.calling_reason(calling);
+            let before = if state.reason.is_empty() { "" } else { "; " };
+            state.reason += &format!("{before}{reason}");
+        }
     }
 }

@@ -133,10 +133,13 @@ impl Driver {
         call: (u64, u32),
         answer: Result<String, String>,
     ) -> Answer {
-        if let Phase::Running(run) = &mut self.phase {
-            let exit = run.on_user_function(&mut self.context, call, answer);
-            self.leave_run(exit);
-        }
+        let Phase::Running(run) = &mut self.phase else {
+            return refused(error_code::NOTHING_TO_DO, "no run waits for it any more");
+        };
+        let Some(exit) = run.on_user_function(&mut self.context, call, &answer) else {
+            return refused(error_code::NOTHING_TO_DO, "no run waits for it any more");
+        };
+        self.leave_run(exit);
         done("heard")
     }
 

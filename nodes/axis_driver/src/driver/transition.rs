@@ -115,6 +115,7 @@ impl Driver {
     /// Stops sending and brings the machine to a standstill; the run ends when it stands.
     /// What stops it first is the reason.
     pub(super) fn stop_run(&mut self, verdict: RunVerdict) {
+        self.say_what_goes_on();
         match std::mem::replace(&mut self.phase, Phase::Ready) {
             Phase::Running(run) if run.has_begun() => {
                 let stopping = Stopping::begin(&mut self.context, *run, verdict);
@@ -131,8 +132,17 @@ impl Driver {
         }
     }
 
+    /// What a node of the cell does is not stopped with the run.
+    pub(super) fn say_what_goes_on(&mut self) {
+        let Phase::Running(run) = &self.phase else { return };
+        if let Some(text) = run.goes_on_without() {
+            self.context.log(LogLevel::Warn, text);
+        }
+    }
+
     /// Resets the controller in the middle of a run or of a stop.
     pub(super) fn reset_run(&mut self, id: u64) {
+        self.say_what_goes_on();
         self.phase = match std::mem::replace(&mut self.phase, Phase::Ready) {
             Phase::Running(run) => {
                 Phase::Stopping(Box::new(Stopping::reset(&mut self.context, *run, id)))

@@ -50,7 +50,7 @@ pub struct Board {
     /// G54 to G59.3, each with G92, in the machine frame, mm; zero where unknown.
     #[serde(deserialize_with = "nine")]
     pub work_offsets: [Position; 9],
-    /// How many of them it has, 6 or 9.
+    /// How many of them it has, at least 6.
     #[serde(default = "six")]
     pub work_systems: u8,
     /// The axes that it has besides X, Y and Z, as the bits of

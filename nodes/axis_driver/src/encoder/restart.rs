@@ -15,7 +15,7 @@
 //! system), nothing is known that could be gone to: the tool stays at that height if it is
 //! Z, and else the start is refused.
 
-use super::{EncodeError, Encoder, EncoderConfig};
+use super::{EncodeError, Encoder, EncoderConfig, UserFunction};
 use cnc_msgs::contour::Action;
 use cnc_msgs::further::{FurtherAxes, FurtherMove};
 use cnc_msgs::geometry::AxisSet;
@@ -46,6 +46,8 @@ pub enum StartProblem {
         if axes.len() == 1 { "has" } else { "have" }
     )]
     UnknownPlace { line: u32, axes: String, since: String },
+    #[error("line {line} comes after {word} in line {at}, and this controller has no {word}")]
+    MachineFunction { line: u32, word: String, at: u32 },
     #[error("line {line} comes after {word}, which stores where the tool is: begin before it")]
     StoredPosition { line: u32, word: String },
     #[error(
@@ -168,6 +170,11 @@ fn restored(
                 return Err(StartProblem::FurtherAxes { line, letters, moved });
             }
             Action::SetWorkOffset { by_position: false, .. } => restored.push(*event),
+            // It would be in force there, as G96 is.
+            Action::Auxiliary { .. } if UserFunction::of(&event.action).is_none() => {
+                let (word, at) = (event.action.text(), event.source.line);
+                return Err(StartProblem::MachineFunction { line, word, at });
+            }
             Action::SetWorkOffset { by_position: true, .. } | Action::StoreReference { .. } => {
                 return Err(StartProblem::StoredPosition { line, word: event.action.text() });
             }

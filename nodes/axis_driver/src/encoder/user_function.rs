@@ -21,7 +21,7 @@ pub struct UserFunction {
 
 impl UserFunction {
     /// The function that an action calls, if it calls one.
-    fn of(action: &Action) -> Option<Self> {
+    pub(crate) fn of(action: &Action) -> Option<Self> {
         let Action::Auxiliary { letter: 'M', number, words } = *action else { return None };
         // M107.5 is none.
         let number = (100..=199_u8).find(|known| f64::from(*known) == number)?;
@@ -36,8 +36,9 @@ impl UserFunction {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CalledFunction {
     pub function: UserFunction,
-    /// The first line that does so.
+    /// The first line that does so, and the last.
     pub line: u32,
+    pub last_line: u32,
 }
 
 impl CalledFunction {
@@ -45,13 +46,12 @@ impl CalledFunction {
     pub(crate) fn all_of(path: &CompensatedPath) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
         for event in &path.events {
-            if let Some(function) = UserFunction::of(&event.action)
-                && all.iter().all(|known| known.function != function)
-            {
-                all.push(Self { function, line: event.source.line });
-                if all.len() >= ASKED_MAX {
-                    break;
-                }
+            let Some(function) = UserFunction::of(&event.action) else { continue };
+            let line = event.source.line;
+            if let Some(known) = all.iter_mut().find(|known| known.function == function) {
+                known.last_line = known.last_line.max(line);
+            } else if all.len() < ASKED_MAX {
+                all.push(Self { function, line, last_line: line });
             }
         }
         all
@@ -71,20 +71,6 @@ impl Display for UserFunction {
     }
 }
 
-/// Whether a word leaves overrides and holds to the operator, as they are without it: M48, and M50 to
-/// M53 unless they say otherwise.
-fn allows_all(action: &Action) -> bool {
-    let Action::Auxiliary { letter: 'M', number, words } = *action else { return false };
-    let is_off = words.as_str() == "P0";
-    match number {
-        48.0 => true,
-        50.0 | 51.0 | 53.0 => !is_off,
-        // Nothing adapts the feed of a controller.
-        52.0 => is_off,
-        _ => false,
-    }
-}
-
 impl Encoder {
     /// A word that only the machine understands.
     pub(super) fn encode_auxiliary(
@@ -92,9 +78,6 @@ impl Encoder {
         action: &Action,
         source: Source,
     ) -> Result<(), EncodeProblem> {
-        if allows_all(action) {
-            return Ok(());
-        }
         let Some(function) = UserFunction::of(action) else {
             return Err(EncodeProblem::Unsupported { word: action.text() });
         };
@@ -139,29 +122,9 @@ mod tests {
         ]);
         let named: Vec<_> = CalledFunction::all_of(&path)
             .iter()
-            .map(|it| (it.line, it.function.to_string()))
+            .map(|it| (it.line, it.last_line, it.function.to_string()))
             .collect();
-        assert_eq!(named, [(3, "M101 P2 Q-0.5".to_owned()), (6, "M199".to_owned())]);
-    }
-
-    #[test]
-    fn what_allows_all_that_is_allowed_needs_no_controller() {
-        for (number, words, is_taken) in [
-            (48.0, "", true),
-            (49.0, "", false),
-            (50.0, "P1", true),
-            (51.0, "", true),
-            (50.0, "P0", false),
-            (52.0, "P0", true),
-            (52.0, "P1", false),
-            (53.0, "P1", true),
-            (62.0, "P1", false),
-        ] {
-            let path = calls(&[(number, words)]);
-            let mut encoder = Encoder::new(Arc::new(path), EncoderConfig::default());
-            let step = encoder.next_step();
-            assert_eq!(step.is_none(), is_taken, "M{number} {words}: {step:?}");
-        }
+        assert_eq!(named, [(3, 5, "M101 P2 Q-0.5".to_owned()), (6, 6, "M199".to_owned())]);
     }
 
     #[test]

@@ -4,8 +4,8 @@
 //! that the axes cannot cut at the pace of the spindle is an error, as it is for the encoder.
 
 use super::{EnvelopeReport, Workplace, place};
-use crate::encoder::{EncodeProblem, check_pace, no_spindle_sync, shares};
-use crate::firmware::THREAD_SHARE;
+use crate::encoder::{EncodeProblem, UserFunction, check_pace, no_spindle_sync, shares};
+use crate::firmware::{Firmware, THREAD_SHARE};
 use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, MachineMove};
 use crate::vectors::{minus, norm, unit};
@@ -41,6 +41,8 @@ pub(super) struct FunctionCheck {
     /// Of the move that comes next, if it has this source: its pitch, mm.
     pitch: Option<(Source, f64)>,
     first_thread: Option<Source>,
+    /// The first word that the controller does not have.
+    missing: Option<(Source, String)>,
     thread: Option<(Source, EncodeProblem)>,
     /// The first whose direction is not known.
     thread_without_way: Option<Source>,
@@ -97,6 +99,7 @@ impl FunctionCheck {
             has_cut_since: false,
             pitch: None,
             first_thread: None,
+            missing: None,
             thread: None,
             thread_without_way: None,
         }
@@ -126,6 +129,12 @@ impl FunctionCheck {
                 }
             }
             Action::ChangeTool { tool } => self.tool = tool,
+            Action::WorkOffset { system: 7.. } if self.limits.firmware != Firmware::GrblHal => {
+                self.missing.get_or_insert_with(|| (source, action.text()));
+            }
+            Action::Auxiliary { .. } if UserFunction::of(&action).is_none() => {
+                self.missing.get_or_insert_with(|| (source, action.text()));
+            }
             Action::SpindleSync { pitch_mm } => self.pitch = Some((source, pitch_mm)),
             _ => {}
         }
@@ -235,6 +244,10 @@ impl FunctionCheck {
         let warn =
             |source, message: String| Finding::warning(Code::MachineSetting, source, message);
         let [min, max] = self.limits.spindle_rpm.unwrap_or_default();
+        if let Some((source, word)) = &self.missing {
+            let text = format!("this controller has no {word}");
+            report.findings.push(Finding::error(Code::MachineSetting, *source, text));
+        }
         if let Some((source, problem)) = &self.thread {
             let text = format!("{problem}; later threads are not looked at");
             report.findings.push(Finding::error(Code::MachineSetting, *source, text));

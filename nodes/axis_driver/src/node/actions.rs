@@ -170,7 +170,7 @@ async fn begin(
         return Err(Refusal { error_code: RunProgramResult::UNKNOWN_PROGRAM, message });
     }
     let in_span = run_start::ask(planner, &planned, (goal.start_line, goal.occurrence)).await?;
-    user_functions::check(driver, &planned.program_id, &planned.functions).await?;
+    user_functions::check(driver, &planned.program_id, &planned.functions, goal.start_line).await?;
     if offer.is_canceled() {
         let message = "it was canceled before it began".into();
         return Err(Refusal { error_code: error_code::CANCELED, message });

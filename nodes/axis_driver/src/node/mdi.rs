@@ -80,7 +80,7 @@ async fn execute(driver: &RemoteDriver, advisers: &Advisers, request: &ExecuteMd
         return refuse(error_code::START_POSITION, "the position of the tool is not known yet");
     };
     let (path, warnings) = advise(advisers, request, start).await?;
-    user_functions::check(driver, MDI, &CalledFunction::all_of(&path)).await?;
+    user_functions::check(driver, MDI, &CalledFunction::all_of(&path), 0).await?;
     let is_still = path.elements.is_empty() && path.events.is_empty();
     let message = match warnings.as_slice() {
         [] => String::new(),

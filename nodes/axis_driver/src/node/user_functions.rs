@@ -12,8 +12,10 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::mpsc;
 
-/// How long the node may take to say whether it knows a function.
-const KNOWN_WITHIN: Duration = Duration::from_secs(2);
+/// How long the node may take to say whether it knows all functions.
+const KNOWN_WITHIN: Duration = Duration::from_secs(5);
+/// Nobody waits so long for an answer.
+const FOR_EVER: Duration = Duration::from_secs(30 * 24 * 3600);
 
 /// The client of the node that does them.
 pub(super) type UserFunctions = Client<CallUserFunction>;
@@ -40,20 +42,34 @@ pub(super) fn follow(
 
 async fn serve(driver: &RemoteDriver, call: UserFunctionCall) {
     let UserFunctionCall { run, call, program_id, line, function } = call;
-    let request = request(&program_id, line, function);
-    // It is sent once: nobody knows whether a request without an answer has been heard.
-    let answer = match driver.user_functions.call_within(request, longest(driver)).await {
-        Ok(CallUserFunctionResponse { success: true, message }) => Ok(message),
-        Ok(CallUserFunctionResponse { message, .. }) => Err(message),
-        Err(error) => Err(unanswered(&error)),
+    let answer = match one_server(driver) {
+        // It is sent once: nobody knows whether a request without an answer has been heard. The core
+        // decides how long that may take.
+        Ok(()) => {
+            let request = request(&program_id, line, function);
+            driver.user_functions.call_within(request, FOR_EVER).await.map_err(
+                |error| match error {
+                    CallError::NoAnswer { .. } | CallError::Lost { .. } => {
+                        format!("{error}; whether it was done is not known")
+                    }
+                    _ => error.to_string(),
+                },
+            )
+        }
+        Err(why) => Err(why),
     };
-    let command = Command::UserFunctionEnded { run, call, answer };
+    let answer = answer.and_then(said);
+    let command = Command::UserFunctionEnded { run, call, answer: answer.clone() };
     if let Err(refusal) = driver.ask(command, REPLY_WITHIN).await {
-        tracing::warn!("{function} of line {line} has ended: {}", refusal.message);
+        let end = match answer {
+            Ok(_) => "is done".to_owned(),
+            Err(why) => format!("is not done ({why})"),
+        };
+        tracing::warn!("{function} of line {line} {end}: {}", refusal.message);
     }
 }
 
-/// Asks whether the functions of a path would be done.
+/// Asks whether the functions of a path would be done, as far as they are in this line or after it.
 ///
 /// # Errors
 /// The first that would not, with its line.
@@ -61,30 +77,56 @@ pub(super) async fn check(
     driver: &RemoteDriver,
     program_id: &str,
     functions: &[CalledFunction],
+    start_line: u32,
 ) -> Result<(), Refusal> {
-    if longest(driver).is_zero() {
+    if driver.node.parameter::<i64>("user_function_s_max") == 0 {
         // The core refuses each.
         return Ok(());
     }
-    for &CalledFunction { function, line } in functions {
+    let end = tokio::time::Instant::now() + KNOWN_WITHIN;
+    for &CalledFunction { function, line, .. } in
+        functions.iter().filter(|it| it.last_line >= start_line)
+    {
         let request =
             CallUserFunctionRequest { check_only: true, ..request(program_id, line, function) };
-        let answer = driver.user_functions.call_within(request, KNOWN_WITHIN).await;
-        let why = match answer {
-            Ok(CallUserFunctionResponse { success: true, .. }) => continue,
-            Ok(answer) => answer.message,
-            Err(error) => unanswered(&error),
+        let left = end.saturating_duration_since(tokio::time::Instant::now());
+        let answer = driver.user_functions.call_within(request, left).await;
+        let known = match answer {
+            Ok(answer) => said(answer).and_then(|_| one_server(driver)),
+            Err(error) => Err(format!(
+                "{error}; a node of the cell that offers this service does such functions, and was only asked whether \
+                 it would"
+            )),
         };
-        let message = format!("line {line}: {function}: {why}");
-        return Err(Refusal { error_code: error_code::USER_FUNCTION, message });
+        if let Err(why) = known {
+            let message = format!("line {line}: {function}: {why}");
+            return Err(Refusal { error_code: error_code::USER_FUNCTION, message });
+        }
     }
     Ok(())
 }
 
-/// The longest that a function may take.
-fn longest(driver: &RemoteDriver) -> Duration {
-    let seconds = driver.node.parameter::<i64>("user_function_s_max");
-    Duration::from_secs(u64::try_from(seconds).unwrap_or(0))
+/// What an answer says.
+fn said(answer: CallUserFunctionResponse) -> Result<String, String> {
+    match answer {
+        CallUserFunctionResponse { success: true, message } => Ok(message),
+        CallUserFunctionResponse { message, .. } if message.is_empty() => {
+            Err("its node refuses it, and does not say why".into())
+        }
+        CallUserFunctionResponse { message, .. } => Err(message),
+    }
+}
+
+/// Each of several servers would do it.
+fn one_server(driver: &RemoteDriver) -> Result<(), String> {
+    let client = &driver.user_functions;
+    match client.servers() {
+        0 | 1 => Ok(()),
+        count => Err(format!(
+            "{count} nodes offer {}, and each would do it: end all but one",
+            client.name()
+        )),
+    }
 }
 
 fn request(program_id: &str, line: u32, function: UserFunction) -> CallUserFunctionRequest {
@@ -95,14 +137,5 @@ fn request(program_id: &str, line: u32, function: UserFunction) -> CallUserFunct
         p: function.p.into_iter().collect(),
         q: function.q.into_iter().collect(),
         check_only: false,
-    }
-}
-
-fn unanswered(error: &CallError) -> String {
-    match error {
-        CallError::NoServer { .. } => format!(
-            "{error}; functions of the user are done by a node of the cell that offers this service"
-        ),
-        _ => format!("{error}; whether it was done is not known"),
     }
 }

@@ -142,6 +142,26 @@ function drawPin(box, pin, number) {
   pen.fillText(label, x + 11, ly);
 }
 
+// Where further axes arrive; a word that another one would cover is left out.
+function drawTurns(box) {
+  const written = [];
+  pen.setLineDash([]);
+  pen.font = "12px system-ui, sans-serif";
+  pen.fillStyle = "#1763a6";
+  for (const [at, words] of sheet.turns) {
+    const [x, y] = toScreen(box, ...at), width = pen.measureText(words).width;
+    pen.beginPath();
+    pen.moveTo(x, y - 4);
+    pen.lineTo(x + 4, y);
+    pen.lineTo(x, y + 4);
+    pen.lineTo(x - 4, y);
+    pen.fill();
+    if (written.some(([u, v, wide]) => x < u + wide && u < x + width && Math.abs(v - y) < 13)) continue;
+    written.push([x, y, width]);
+    pen.fillText(words, x + 7, y + 4);
+  }
+}
+
 function draw() {
   if (!sheet) return;
   const box = size(canvas, pen);
@@ -168,6 +188,7 @@ function draw() {
     trace(box, layer.elements[index], ...start);
     pen.stroke();
   }
+  drawTurns(box);
   sheet.pins.filter((pin) => pin.at).forEach((pin, number) => drawPin(box, pin, number));
   const state = run && moment !== null ? stateAt(moment) : null;
   if (state && state.at) {

@@ -178,6 +178,7 @@ pub(crate) fn of_recording(
         let text = String::from_utf8_lossy(&program.text).into_owned();
         let mut sheet = Sheet::new(title, view, text.into());
         sheet.call(&program.contour.calls);
+        sheet.turn(&program.contour, view);
         sheet.layers.push(Layer::programmed(&program.contour, view).into_owned());
         if let Some(path) = &plan.path {
             let layer = Layer::compensated("compensated", path.start, &path.elements, view);

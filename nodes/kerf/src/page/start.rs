@@ -35,6 +35,7 @@ impl<'a> StartInTheMiddle<'a> {
         sheet.verdict = format!("begins with line {line}");
         sheet.summary = planned.to_owned();
         sheet.call(&contour.calls);
+        sheet.turn(contour, view);
         sheet.layers = vec![
             Layer::programmed(contour, view),
             Layer::left_out(path.start, before, view),

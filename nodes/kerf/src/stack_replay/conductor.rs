@@ -24,6 +24,7 @@ use runtime::{Handle, NodeError, Qos, Session, Subscription};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
@@ -48,7 +49,7 @@ pub(super) struct Play<'a> {
     pub(super) is_single_block: bool,
     pub(super) cues: &'a [Cue],
     /// What is said of the functions of the user that it calls.
-    pub(super) functions: Vec<Result<String, String>>,
+    pub(super) functions: BTreeMap<u32, Result<String, String>>,
     /// The path of the goal.
     pub(super) track: Arc<Track>,
 }
@@ -102,20 +103,23 @@ async fn died(nodes: &mut Stack) -> String {
     }
 }
 
-/// Stands in for the node of the cell, where the run has called functions of the user.
-fn answer_functions(node: &Handle, recorded: &[Result<String, String>]) -> Result<(), NodeError> {
-    if recorded.is_empty() {
-        return Ok(());
-    }
-    let mut recorded = recorded.to_vec().into_iter();
-    node.service::<CallUserFunction, _, _>("user_function", move |request, _| {
+/// Stands in for the node of the cell: a call that has no answer in the recording gets none.
+fn answer_functions(
+    node: &Handle,
+    recorded: &BTreeMap<u32, Result<String, String>>,
+) -> Result<(), NodeError> {
+    let (recorded, calls) = (recorded.clone(), AtomicU32::new(0));
+    node.concurrent_service::<CallUserFunction, _, _>("user_function", move |request, _| {
         let answer = match request.check_only {
-            true => Ok(String::new()),
-            false => recorded.next().unwrap_or(Err("the recording has no answer to it".into())),
+            true => Some(Ok(String::new())),
+            false => recorded.get(&(calls.fetch_add(1, Ordering::Relaxed) + 1)).cloned(),
         };
-        let success = answer.is_ok();
-        let message = answer.unwrap_or_else(|why| why);
-        std::future::ready(CallUserFunctionResponse { success, message })
+        async move {
+            let Some(answer) = answer else { return std::future::pending().await };
+            let success = answer.is_ok();
+            let message = answer.unwrap_or_else(|why| why);
+            CallUserFunctionResponse { success, message }
+        }
     })
 }
 

@@ -12,6 +12,7 @@ use cnc_msgs::wire::cnc_msgs::msg::{MachineState, TrafficEntry};
 use replay::ReplayError;
 use replay::recording::{RecordedState, Recording, nanoseconds};
 use serde_json::Value;
+use std::collections::BTreeMap;
 
 /// An event, with its wall time.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +40,8 @@ pub(super) enum Happened {
 /// What happened in one run.
 #[derive(Debug)]
 pub(super) struct RunHistory<'a> {
+    /// The id of the command that began it.
+    pub(super) id: u64,
     pub(super) goal: RunRequest,
     pub(super) began_ns: i64,
     /// After the goal, in order.
@@ -65,7 +68,7 @@ impl<'a> RunHistory<'a> {
             return Err(missing("the serial dialogue", "the run"));
         }
         let begin = begin(recording, &entries).ok_or_else(|| missing("the goal", "the run"))?;
-        let goal = goal(recording, entries[begin])?;
+        let (id, goal) = goal(recording, entries[begin])?;
         let began_ns = nanoseconds(&entries[begin].stamp);
         let states = states(recording);
         if states.is_empty() {
@@ -78,6 +81,7 @@ impl<'a> RunHistory<'a> {
         let checkpoint =
             checkpoint.next().and_then(|entry| serde_json::from_slice::<Value>(&entry.data).ok());
         Ok(Self {
+            id,
             goal,
             began_ns,
             events: events(recording, &entries[begin + 1..], units(recording))?,
@@ -88,10 +92,12 @@ impl<'a> RunHistory<'a> {
         })
     }
 
-    /// What the node of the cell said of the functions of the user, in order.
-    pub(super) fn functions(&self) -> Vec<Result<String, String>> {
+    /// What the node of the cell said of the functions that this run has called, by their number.
+    pub(super) fn functions(&self) -> BTreeMap<u32, Result<String, String>> {
         let answers = self.events.iter().filter_map(|event| match &event.what {
-            Happened::Asked(Command::UserFunctionEnded { answer, .. }) => Some(answer.clone()),
+            Happened::Asked(Command::UserFunctionEnded { run, call, answer }) => {
+                (*run == self.id).then(|| (*call, answer.clone()))
+            }
             _ => None,
         });
         answers.collect()
@@ -174,20 +180,19 @@ fn begin(recording: &Recording, entries: &[&TrafficEntry]) -> Option<usize> {
     entries.iter().position(|entry| entry.sequence == sequence)
 }
 
-fn goal(recording: &Recording, entry: &TrafficEntry) -> Result<RunRequest, ReplayError> {
+fn goal(recording: &Recording, entry: &TrafficEntry) -> Result<(u64, RunRequest), ReplayError> {
     match command(recording, entry)? {
-        Command::RunProgram(request) => Ok(request),
+        (id, Command::RunProgram(request)) => Ok((id, request)),
         _ => unreachable!("the entry was chosen by this name"),
     }
 }
 
-fn command(recording: &Recording, entry: &TrafficEntry) -> Result<Command, ReplayError> {
+fn command(recording: &Recording, entry: &TrafficEntry) -> Result<(u64, Command), ReplayError> {
     let path = |program_id: &str, revision: u64| recording.path(program_id, revision);
-    let read = command_from_json(&entry.data, &path).map_err(|error| ReplayError::Input {
+    command_from_json(&entry.data, &path).map_err(|error| ReplayError::Input {
         of: format!("the command in traffic entry {}", entry.sequence),
         reason: error.to_string(),
-    });
-    read.map(|(_, command)| command)
+    })
 }
 
 /// The unit of the controller's reports.
@@ -241,7 +246,7 @@ fn events(
             TrafficEntry::KIND_CLOSED => {
                 push(Happened::Closed(String::from_utf8_lossy(&entry.data).into_owned()));
             }
-            TrafficEntry::KIND_COMMAND => push(Happened::Asked(command(recording, entry)?)),
+            TrafficEntry::KIND_COMMAND => push(Happened::Asked(command(recording, entry)?.1)),
             _ => {}
         }
     }

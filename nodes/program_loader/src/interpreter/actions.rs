@@ -24,6 +24,7 @@ impl Interpreter<'_> {
         };
         self.modal.feed_is_poisoned = feed < 0.0 || feed.is_nan();
         self.modal.feed_mm_per_min = if self.modal.feed_is_poisoned { 0.0 } else { feed };
+        self.modal.programmed_feed_mm = self.modal.feed_mm_per_min;
         self.modal.programmed_feed = self.modal.feed_mm_per_min / scale;
         self.feed_in_mode();
         if feed < 0.0 {

@@ -423,6 +423,7 @@ impl Interpreter<'_> {
             return;
         }
         self.axes.position = end;
+        self.feed_at_surface(class, from, end, None);
         self.add_to_bounds(from, Shape::Line, end, axes);
         self.emit_motion(Shape::Line, end, class, axes);
     }

@@ -20,6 +20,7 @@ impl Interpreter<'_> {
         {
             self.modal.feed_mode = mode;
             (self.modal.feed_mm_per_min, self.modal.programmed_feed) = (0.0, 0.0);
+            self.modal.programmed_feed_mm = 0.0;
             self.modal.feed_is_poisoned = false;
         }
     }
@@ -30,7 +31,7 @@ impl Interpreter<'_> {
         match self.modal.feed_mode {
             FeedMode::PerMinute => {}
             FeedMode::PerRevolution => {
-                let feed = self.modal.programmed_feed * self.scale() * self.rpm_here();
+                let feed = self.modal.programmed_feed_mm * self.rpm_here();
                 self.modal.feed_mm_per_min = feed.min(FEED_MM_PER_MIN_MAX);
             }
             // Each move has one of its own.

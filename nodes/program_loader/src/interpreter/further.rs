@@ -271,6 +271,7 @@ impl Interpreter<'_> {
                 return;
             }
         }
+        self.feed_at_surface(MotionClass::Feed, self.axes.position, self.axes.position, None);
         let rate = match self.modal.feed_mode {
             FeedMode::PerMinute if to.only_turns() => self.modal.programmed_feed,
             FeedMode::PerMinute => self.modal.feed_mm_per_min,

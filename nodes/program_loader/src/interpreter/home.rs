@@ -166,6 +166,13 @@ impl Interpreter<'_> {
             );
         }
         let class = if rapid { MotionClass::Rapid } else { MotionClass::Feed };
+        if !rapid && self.has_feed_of_radius() && end.named.contains(0) {
+            let message =
+                "how fast X moves by G53 with G1 depends on how far it is from X0 (G95 under G96)";
+            let help = "move X with G53 and G0, or write G94 and F before it";
+            return self.report_at(scene, at, Code::Unsupported, message.to_owned(), help);
+        }
+        self.feed_at_surface(class, self.axes.position, self.axes.position, None);
         if self.has_feed(scene, class) && !self.request.is_damaged {
             let mut target = [0.0; 3];
             for axis in (0..3).filter(|&axis| end.named.contains(axis)) {

@@ -12,7 +12,7 @@ use std::fmt::Write;
 
 /// M48 to M53: whether the operator may override feed and speed, whether the feed adapts, and
 /// whether it may be held.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Overrides {
     pub(super) feed: bool,
     pub(super) speed: bool,
@@ -69,6 +69,7 @@ impl Interpreter<'_> {
             return;
         }
         let has_zero = self.request.value(b'P') == Some(0.0);
+        let before = self.modal.overrides;
         let overrides = &mut self.modal.overrides;
         match number {
             48 | 49 => (overrides.feed, overrides.speed) = (number == 48, number == 48),
@@ -77,6 +78,10 @@ impl Interpreter<'_> {
             52 => overrides.adapts = !has_zero,
             53 => overrides.may_hold = !has_zero,
             _ => {}
+        }
+        if matches!(number, 48..=53) && before == *overrides && before == Overrides::default() {
+            // The operator may do everything, as before.
+            return;
         }
         let Some(words) = Words::new(&words) else {
             let message = format!("the words of {} are too long", scene.quote(at));

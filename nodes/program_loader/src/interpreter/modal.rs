@@ -25,8 +25,9 @@ pub(super) struct Modal {
     /// 0 before the first F.
     pub(super) feed_mm_per_min: f64,
     pub(super) feed_mode: FeedMode,
-    /// F as it is written.
+    /// F as it is written, and with its unit in mm.
     pub(super) programmed_feed: f64,
+    pub(super) programmed_feed_mm: f64,
     /// The feed of the last motion at feed.
     pub(super) emitted_feed_mm_per_min: f64,
     pub(super) feed_is_poisoned: bool,
@@ -74,6 +75,7 @@ impl Modal {
             feed_mm_per_min: 0.0,
             feed_mode: FeedMode::PerMinute,
             programmed_feed: 0.0,
+            programmed_feed_mm: 0.0,
             emitted_feed_mm_per_min: 0.0,
             feed_is_poisoned: false,
             selected_tool: None,

@@ -220,10 +220,6 @@ impl Interpreter<'_> {
             // How far it goes decides how fast.
             relied = relied.union(self.axes.drifting(end.named));
         }
-        if class == MotionClass::Feed && self.has_feed_of_radius() {
-            // How far from the axis of the spindle it is decides how fast.
-            relied = relied.with(0);
-        }
         let is_sound = self.relies(scene, relied.without(drifting)) & self.has_feed(scene, class);
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {
@@ -399,7 +395,8 @@ impl Interpreter<'_> {
         }
         // Under G93 each block has an F of its own.
         if self.modal.feed_mode != FeedMode::InverseTime && self.modal.feed_mm_per_min > 0.0 {
-            return true;
+            // How far from the axis of the spindle the tool is decides how fast.
+            return !self.has_feed_of_radius() || self.relies(scene, AxisSet::NONE.with(0));
         }
         if self.modal.feed_mode != FeedMode::PerMinute {
             return self.has_unusual_feed(scene);

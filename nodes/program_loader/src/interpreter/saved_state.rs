@@ -42,6 +42,7 @@ pub(super) struct SavedState {
     feed_mode: FeedMode,
     feed_mm_per_min: f64,
     programmed_feed: f64,
+    programmed_feed_mm: f64,
     work_offset: u8,
     x_is_diameter: bool,
     rpm: f64,
@@ -109,6 +110,7 @@ impl Interpreter<'_> {
             feed_mode: modal.feed_mode,
             feed_mm_per_min: modal.feed_mm_per_min,
             programmed_feed: modal.programmed_feed,
+            programmed_feed_mm: modal.programmed_feed_mm,
             work_offset: modal.work_offset,
             x_is_diameter: modal.x_is_diameter,
             rpm: modal.rpm,
@@ -163,6 +165,7 @@ impl Interpreter<'_> {
         modal.feed_mode = saved.feed_mode;
         modal.feed_mm_per_min = saved.feed_mm_per_min;
         modal.programmed_feed = saved.programmed_feed;
+        modal.programmed_feed_mm = saved.programmed_feed_mm;
         modal.x_is_diameter = saved.x_is_diameter;
         modal.rpm = saved.rpm;
         modal.spindle = saved.spindle;

@@ -2,7 +2,7 @@
 //!
 //! Under G96 the machine turns the spindle so fast as the distance of the tool from X0 asks for. That
 //! is its own function: the word is passed on. A feed per revolution (G95) is then that of the slowest
-//! place of each move, so it is nowhere more than programmed.
+//! place of each programmed move.
 
 use super::{Interpreter, Scene};
 use crate::dialect::{FeedMode, GWord, Group, Units};
@@ -30,6 +30,9 @@ pub(super) struct SurfaceSpeed {
 impl SurfaceSpeed {
     /// 1/min where the tool is so far from the axis of the spindle.
     fn rpm(&self, radius_mm: f64) -> f64 {
+        if self.m_per_min == 0.0 {
+            return 0.0;
+        }
         let wanted = self.m_per_min * 1e3 / (TAU * radius_mm);
         wanted.min(self.rpm_max.unwrap_or(SPINDLE_RPM_MAX))
     }
@@ -52,7 +55,7 @@ impl Interpreter<'_> {
     pub(super) fn spindle_speed(&mut self, scene: &mut Scene<'_>) {
         match self.request.g(Group::SpindleMode) {
             Some((GWord::SurfaceSpeed(true), at)) => return self.surface_speed(scene, at),
-            Some(_) => self.set_surface_speed(None),
+            Some((_, at)) => self.surface_speed_off(scene, at),
             None => {}
         }
         if !self.request.present.contains(b'S') {
@@ -81,8 +84,10 @@ impl Interpreter<'_> {
     #[cold]
     fn surface_speed(&mut self, scene: &mut Scene<'_>, at: usize) {
         let rpm_max = self.take_within(scene, b'D', 1.0, SPINDLE_RPM_MAX, "1/min");
-        if rpm_max.is_some_and(|it| it < 0.0) {
-            self.negative(scene, b'D');
+        if rpm_max.is_some_and(|it| it <= 0.0) {
+            let message = format!("{} is not above 0", scene.quote(self.request.word(b'D')));
+            let help = "write D with the highest speed in 1/min";
+            self.report(scene, b'D', Code::BadNumber, message, help);
         }
         if !self.request.present.contains(b'S') {
             let message = format!("{} without S", scene.quote(at));
@@ -98,6 +103,18 @@ impl Interpreter<'_> {
             scene.findings.push(finding.help(help));
         }
         self.set_surface_speed(Some(SurfaceSpeed { programmed, m_per_min, rpm_max }));
+    }
+
+    /// G97.
+    fn surface_speed_off(&mut self, scene: &mut Scene<'_>, at: usize) {
+        if self.modal.surface.is_some() && !self.request.present.contains(b'S') {
+            let message =
+                format!("{} without S: no spindle speed is in force after G96", scene.quote(at));
+            let help = "write S with the speed in 1/min";
+            let finding = Finding::warning(Code::SuspiciousValue, self.source, message);
+            scene.findings.push(finding.help(help));
+        }
+        self.set_surface_speed(None);
     }
 
     /// S as it is written, and in m/min.
@@ -156,7 +173,7 @@ impl Interpreter<'_> {
             let along_arc = along_arc.filter(|(axis, _)| *axis == 0).map(|(_, x)| x);
             let rpm = [start[0], end[0]].into_iter().chain(along_arc).map(|x| self.rpm_at(x));
             let slowest = rpm.fold(f64::INFINITY, f64::min);
-            let feed = self.modal.programmed_feed * self.scale() * slowest;
+            let feed = self.modal.programmed_feed_mm * slowest;
             self.modal.feed_mm_per_min = feed.min(FEED_MM_PER_MIN_MAX);
         }
     }

@@ -285,6 +285,8 @@ impl Interpreter<'_> {
         self.feed_of_length(MotionClass::Feed, || length_mm);
         let mut from = self.axes.position;
         for (shape, to) in moves {
+            let arc = if let Shape::Arc(arc) = &shape { Some(arc) } else { None };
+            self.feed_at_surface(MotionClass::Feed, from, to, arc);
             self.add_to_bounds(from, shape, to, in_plane);
             self.emit_motion(shape, to, MotionClass::Feed, in_plane);
             from = to;

@@ -220,6 +220,25 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
              line X30 Y0 Z0 F63.661977 named X; G97; S500; line X0 Y0 Z0 F100 named X; M2",
             &[],
         ),
+        // In a cycle, a curve and a move of another axis alone; the unit of F is that of its block.
+        (
+            "G96 S100 D3000 M3\nG95 F.2 G0 X50 Z5\nG81 X25 Z-2 R2\nG80 G20\nG1 U1\nM2",
+            "G96 S100 D3000; M3; rapid X50 Y0 Z5 named XZ; rapid X25 Y0 Z5 named X; rapid X25 Y0 Z2 named Z; \
+             line X25 Y0 Z-2 F127.323954 named Z; rapid X25 Y0 Z5 named Z; axes line F127.323954 U25.4; M2",
+            &[],
+        ),
+        (
+            "G96 S100 D3000 M3\nG95 F.2 G0 X0\nG5 X80 Y0 I1 J0 P-1 Q0\nM2",
+            "G96 S100 D3000; M3; rapid X0 Y0 Z0 named X; line X80 Y0 Z0 F39.788736 named XY; M2",
+            &[],
+        ),
+        (
+            "G96 S100 D3000 M3\nG97\nM2",
+            "G96 S100 D3000; M3; G97; M2",
+            &["G97 without S: no spindle speed is in force after G96"],
+        ),
+        // What changes nothing is no event.
+        ("M48 M51\nM50 P0\nM48\nM2", "M50 P0; M48; M2", &[]),
         // Feet a minute. Of an arc the part that is cut counts.
         (
             "G20 G96 S100 D1000\nG21 M3\nG0 X10 Z0\nG18 G95 G3 X10 Z-10 R1000 F.2\nM2",
@@ -235,6 +254,21 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
         ("G43.2\nM2", &[("G43.2", "G43.2 without H and without Z")]),
         ("G96 D1000\nM2", &[("G96", "G96 without S")]),
         ("G96 S-1 D1000\nM2", &[("S-1", "S-1 is negative")]),
+        ("G96 S1 D0\nM2", &[("D0", "D0 is not above 0")]),
+        (
+            "G96 S100 D1000 M3\nG95 F1 G28 X0\nG1 X9\nM2",
+            &[(
+                "G1 X9",
+                "this block starts from where X is, which is not known since G28 in line 2",
+            )],
+        ),
+        (
+            "G96 S100 D1000 M3\nG95 F1 G0 X9\nG53 G1 X3\nM2",
+            &[(
+                "G53",
+                "how fast X moves by G53 with G1 depends on how far it is from X0 (G95 under G96)",
+            )],
+        ),
         (
             "G96 S100 D1000 M3\nG0 X9 Z1\nG33 Z0 K1\nM2",
             &[("G33 Z0 K1", "G33 needs a spindle that turns: G96 changes its speed along X")],

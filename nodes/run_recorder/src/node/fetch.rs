@@ -87,7 +87,7 @@ impl Sources {
     /// Fetches every entry that the driver has and `seen` has not.
     pub(super) async fn traffic(&self, seen: &Numbers) -> FetchedTraffic {
         let mut fetched = FetchedTraffic::default();
-        if !self.traffic.has_server() {
+        if self.traffic.servers() == 0 {
             // At a shutdown the driver may have stopped already: do not wait for it.
             fetched.problem = Some("the driver no longer answers".into());
             return fetched;

@@ -190,9 +190,10 @@ impl<S: Service + 'static> Client<S> {
         self.shared.call_again(&body, answer_within, resend_after).await.map(response)
     }
 
-    /// Whether a server is matched now.
-    pub fn has_server(&self) -> bool {
-        self.shared.endpoints.iter().all(|gid| self.shared.graph.matches(*gid) > 0)
+    /// How many servers are matched now. Over DDS each of them gets each request.
+    pub fn servers(&self) -> usize {
+        let matches = |gid: &Gid| self.shared.graph.matches(*gid);
+        self.shared.endpoints.iter().map(matches).min().unwrap_or(0)
     }
 
     /// Waits for a server; false when `deadline` came first.

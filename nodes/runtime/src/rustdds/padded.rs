@@ -34,6 +34,13 @@ impl Padded {
     }
 }
 
+impl Padded {
+    /// Bytes that it takes.
+    pub(crate) fn len(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
 impl Serialize for Padded {
     /// The bytes as they are, for the little-endian CDR serializer of RustDDS. In words, which
     /// it takes faster than bytes.

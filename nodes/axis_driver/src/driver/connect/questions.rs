@@ -15,6 +15,8 @@ use cnc_msgs::machine::Mode;
 impl Connecting {
     /// Asks everything of a controller that has just started.
     pub(in crate::driver) fn begin_queries(&mut self, context: &mut Context) {
+        // It may be another board than before.
+        context.machine.forget_board();
         let Self { restarts, reply, .. } = *self;
         *self = Self { restarts, ..Self::new(ConnectStep::Asking(0), context.now, reply) };
         self.ask(context, 0);

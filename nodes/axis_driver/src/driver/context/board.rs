@@ -8,6 +8,12 @@ use cnc_msgs::contour::work_system;
 use cnc_msgs::geometry::Position;
 
 impl Machine {
+    /// Forgets what only some boards report.
+    pub(in crate::driver) fn forget_board(&mut self) {
+        self.offsets.retain(|offset| !offset.name.starts_with("G59."));
+        self.has_spindle_sync = false;
+    }
+
     /// From `$12`, `$32` and `$#`.
     pub(in crate::driver) fn board(&self) -> Board {
         let usual = Board::default();
@@ -70,11 +76,16 @@ mod tests {
             thread_mm_per_min_max: Some([Some(1800.0), None, Some(900.0)]),
         };
         assert_eq!(machine.board(), expected);
-        machine.remember("G59.3", [1.0, 2.0, 3.0]);
+        for name in ["G59.1", "G59.2", "G59.3"] {
+            machine.remember(name, [1.0, 2.0, 3.0]);
+        }
         assert_eq!(
             (machine.board().work_systems, machine.board().work_offsets[8]),
             (9, [1.0, 2.5, 13.0])
         );
+        machine.forget_board();
+        assert_eq!(machine.board().work_systems, 6);
+        assert_eq!(machine.board().thread_mm_per_min_max, None);
         machine.on_setting(12, "0");
         assert_eq!(machine.board().arc_tolerance_mm, Board::default().arc_tolerance_mm);
     }

@@ -76,7 +76,8 @@ impl Machine {
 
     /// How many work systems it has: it reports G59.1 to G59.3 where there are nine.
     pub(in crate::driver) fn work_systems(&self) -> u8 {
-        if self.offsets.iter().any(|offset| offset.name == "G59.3") { 9 } else { 6 }
+        let has = |system: &u8| self.offsets.iter().any(|it| it.name == work_system(*system));
+        (7..=9).take_while(has).last().unwrap_or(6)
     }
 
     /// The shift of G92, zero if it was not reported.

@@ -23,6 +23,11 @@ impl BlockOfLine {
         Self { source, element, role, is_stop: line.text == "M0" }
     }
 
+    /// The block of a function of the user.
+    pub(in crate::driver) fn of_function(source: Source) -> Self {
+        Self { source, element: None, role: Role::None, is_stop: false }
+    }
+
     /// Whether a single block ends between the two: between any two elements, those
     /// that were generated included (S10), and between two blocks of the program.
     pub(in crate::driver) fn ends_before(&self, next: &Self) -> bool {

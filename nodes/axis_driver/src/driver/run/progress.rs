@@ -86,10 +86,15 @@ impl ProgramRun {
                 let (source, why) = (*source, refused.take().unwrap_or_else(late));
                 Some(self.end_without_plan(source, &why))
             }
+            Stage::Calling(calling) if self.is_held || is_machine_held => {
+                calling.extend(context);
+                None
+            }
             Stage::Calling(calling) if now >= calling.until => {
                 let most = context.config.user_function_s_max;
+                let calling = calling.clone();
                 let why = format!("no answer within {most} s (user_function_s_max)");
-                Some(self.end_without_function(&why))
+                Some(self.end_without_function(&calling, &why))
             }
             _ => None,
         }
@@ -313,6 +318,8 @@ impl ProgramRun {
                 context.log(LogLevel::Error, text);
                 return Some(Exit::abort(error_code::PROTOCOL, text));
             }
+            // No controller holds what the cell does.
+            Stage::Settling { then: Then::UserFunction { .. }, .. } if self.is_held => {}
             Stage::Settling { then, from } if is_idle && context.now >= *from => {
                 let then = then.clone();
                 match self.watch_end(context, &then, since) {
@@ -355,7 +362,7 @@ impl ProgramRun {
             Then::Probed(probing) => return self.after_probe(context, &probing),
             Then::Stretch { source } => self.begin_stretch(context, source),
             Then::UserFunction { function, source } => {
-                self.call_function(context, function, source);
+                return self.call_function(context, function, source);
             }
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
             Then::Home { text, axes, source } => {

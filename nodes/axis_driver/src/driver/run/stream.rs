@@ -125,7 +125,10 @@ impl ProgramRun {
 
     /// Takes the block of what is sent next; gives the one before it, if that ends there.
     fn block_before(&mut self, step: &EncoderStep) -> Option<BlockOfLine> {
-        let block = BlockOfLine::of(step.line()?);
+        let block = match step {
+            EncoderStep::UserFunction { source, .. } => BlockOfLine::of_function(*source),
+            _ => BlockOfLine::of(step.line()?),
+        };
         self.block.replace(block).filter(|last| last.ends_before(&block))
     }
 }

@@ -11,8 +11,8 @@ use crate::encoder::UserFunction;
 use cnc_msgs::contour::Source;
 use std::time::Duration;
 
-/// What the answer takes besides the function itself.
-const ON_ITS_WAY: Duration = Duration::from_secs(5);
+/// What the call and its answer take besides the function itself: a client may have to find the server.
+const ON_ITS_WAY: Duration = Duration::from_secs(10);
 
 /// A call that is under way.
 #[derive(Debug, Clone)]
@@ -22,6 +22,14 @@ pub(super) struct Calling {
     pub(super) until: Duration,
 }
 
+impl Calling {
+    /// It has the whole time again: while the machine is held its node may wait, too.
+    pub(super) fn extend(&mut self, context: &Context) {
+        let most = Duration::from_secs(u64::from(context.config.user_function_s_max));
+        self.until = context.now + most + ON_ITS_WAY;
+    }
+}
+
 impl ProgramRun {
     /// All motion has ended: has the function done.
     pub(super) fn call_function(
@@ -29,8 +37,13 @@ impl ProgramRun {
         context: &mut Context,
         function: UserFunction,
         source: Source,
-    ) {
-        let most = Duration::from_secs(u64::from(context.config.user_function_s_max));
+    ) -> Option<Exit> {
+        let mut calling = Calling { function, source, until: context.now };
+        calling.extend(context);
+        if context.ros_loss.is_some() {
+            let why = "it was not called, because the ROS side of the driver is away";
+            return Some(self.end_without_function(&calling, why));
+        }
         self.calls += 1;
         let call = UserFunctionCall {
             run: self.job.id,
@@ -39,9 +52,9 @@ impl ProgramRun {
             line: source.line,
             function,
         };
-        let until = context.now + most + ON_ITS_WAY;
-        self.stage = Stage::Calling(Calling { function, source, until });
+        self.stage = Stage::Calling(calling);
         context.outputs.push_back(Output::UserFunction(call));
+        None
     }
 
     /// `FUNCTION: M101 P1 is being done (line 12)`
@@ -50,44 +63,56 @@ impl ProgramRun {
         format!("FUNCTION: {} is being done ({line})", calling.function)
     }
 
-    /// Takes what the node says of a call; of another run or call it says nothing.
+    /// What goes on when the run ends now.
+    pub(in crate::driver) fn goes_on_without(&self) -> Option<String> {
+        let Stage::Calling(Calling { function, source, .. }) = self.stage else { return None };
+        Some(format!("{}: {function} was called, and may go on", self.job.place_of(source)))
+    }
+
+    /// Takes what the node says of a call, if the run waits for this one.
     pub(in crate::driver) fn on_user_function(
         &mut self,
         context: &mut Context,
         (run, call): (u64, u32),
-        answer: Result<String, String>,
-    ) -> Option<Exit> {
+        answer: &Result<String, String>,
+    ) -> Option<Option<Exit>> {
         let Stage::Calling(calling) = &self.stage else { return None };
         if (run, call) != (self.job.id, self.calls) {
             return None;
         }
-        let Calling { function, source, .. } = *calling;
-        let place = self.job.place_of(source);
+        let calling = calling.clone();
         match answer {
             Ok(said) => {
-                let said = if said.is_empty() { said } else { format!(": {said}") };
-                context.log(LogLevel::Info, format!("{place}: {function} is done{said}"));
+                let place = self.job.place_of(calling.source);
+                let said = if said.is_empty() { "" } else { &format!(": {said}") };
+                context.log(LogLevel::Info, format!("{place}: {} is done{said}", calling.function));
                 self.go_on();
-                None
+                Some(None)
             }
-            Err(why) => Some(self.end_without_function(&why)),
+            Err(why) => Some(Some(self.end_without_function(&calling, why))),
         }
     }
 
     /// The node that has called a function is gone, and its answer with it.
     pub(in crate::driver) fn lose_user_function(&mut self) -> Option<Exit> {
+        let Stage::Calling(calling) = &self.stage else { return None };
+        let calling = calling.clone();
         let why =
             "the ROS side of the driver has ended meanwhile, so whether it was done is not known";
-        matches!(self.stage, Stage::Calling(_)).then(|| self.end_without_function(why))
+        Some(self.end_without_function(&calling, why))
     }
 
     /// The function was not done, or nobody knows.
-    pub(super) fn end_without_function(&mut self, why: &str) -> Exit {
-        let Stage::Calling(Calling { function, source, .. }) = self.stage else {
-            return Exit::abort(error_code::USER_FUNCTION, why.to_owned());
-        };
+    pub(super) fn end_without_function(&mut self, calling: &Calling, why: &str) -> Exit {
+        let Calling { function, source, .. } = *calling;
+        // The end of the run says it already.
+        self.go_on();
         self.job.blamed_line = source.line;
         let place = self.job.place_of(source);
-        Exit::abort(error_code::USER_FUNCTION, format!("{place}: {function}: {why}"))
+        let text = format!(
+            "{place}: {function}: {why}; to go on, begin at line {} to have it done, or after it if it was done",
+            source.line
+        );
+        Exit::abort(error_code::USER_FUNCTION, text)
     }
 }

@@ -70,6 +70,7 @@ fn script_from(
     let ns = |second: usize| second as i64 * 1_000_000_000;
     let events = happened.into_iter().enumerate();
     let run = RunHistory {
+        id: 1,
         goal,
         began_ns: 0,
         events: events.map(|(at, what)| Event { stamp_ns: ns(at + 1), what }).collect(),

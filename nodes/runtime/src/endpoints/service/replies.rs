@@ -27,6 +27,9 @@ pub(crate) const UNACKNOWLEDGED_MAX: i32 = 2048;
 const SETTLE: Duration = Duration::from_millis(200);
 /// Replies that may wait for that, at most. The clients of further ones retry or time out.
 const WAITING_MAX: usize = 1000;
+/// Bytes of replies that a writer sends before it is replaced, and of those that may wait: so many it may
+/// have to keep.
+const BYTES_MAX: usize = 128 << 20;
 
 type Writer = DataWriterCdr<Padded>;
 type NewWriter = dyn Fn() -> Result<Writer, NodeError> + Send + Sync;
@@ -47,6 +50,8 @@ struct Shared {
 
 struct ReplyState {
     writer: Writer,
+    /// Bytes of the replies that it has sent, and of those that wait.
+    bytes: usize,
     /// Replies that wait until a new writer is discovered; `None`: no reply has to wait.
     waiting: Option<Vec<(RequestInfo, Padded)>>,
 }
@@ -58,7 +63,7 @@ impl Replies {
         new_writer: Box<NewWriter>,
     ) -> Result<Self, NodeError> {
         let has_header = environment.mapping == ServiceMapping::Cyclone;
-        let state = Mutex::new(ReplyState { writer: new_writer()?, waiting: None });
+        let state = Mutex::new(ReplyState { writer: new_writer()?, bytes: 0, waiting: None });
         let drops = Drops::new(format!("replies of {name}"));
         Ok(Self { shared: Arc::new(Shared { has_header, new_writer, state, drops }) })
     }
@@ -75,16 +80,26 @@ impl Replies {
             Err(reason) => return self.shared.drops.add(&reason),
         };
         let mut state = lock(&self.shared.state);
-        if let Some(waiting) = &mut state.waiting {
-            match waiting.len() {
-                WAITING_MAX => self.shared.drops.add("too many replies wait for a new writer"),
-                _ => waiting.push((to, reply)),
+        let ReplyState { bytes, waiting, .. } = &mut *state;
+        let is_room = *bytes + reply.len() <= BYTES_MAX;
+        if let Some(waiting) = waiting {
+            if waiting.len() >= WAITING_MAX || !is_room {
+                return self.shared.drops.add("too many replies wait for a new writer");
             }
-            return;
+            *bytes += reply.len();
+            return waiting.push((to, reply));
         }
+        if !is_room {
+            *bytes = reply.len();
+            *waiting = Some(vec![(to, reply)]);
+            drop(state);
+            return self.replace_writer();
+        }
+        *bytes += reply.len();
         match self.shared.write(&state.writer, to, reply) {
             Ok(()) => {}
             Err(Unsent::Full(reply)) => {
+                state.bytes = reply.len();
                 state.waiting = Some(vec![(to, reply)]);
                 drop(state);
                 self.replace_writer();
