@@ -7,7 +7,7 @@ mod layer;
 mod run;
 mod start;
 
-use crate::picture::turns::turns;
+use crate::picture::turns::marks;
 use crate::picture::view::{Point, View};
 use cnc_msgs::calls::{Call, Calls, chain_text};
 use cnc_msgs::contour::ProgrammedContour;
@@ -117,8 +117,8 @@ impl<'a> Sheet<'a> {
 
     /// Marks where further axes arrive.
     pub(crate) fn turn(&mut self, contour: &ProgrammedContour, view: View) {
-        let marks = turns(contour).into_iter();
-        self.turns = marks.map(|it| (view.project(it.at), it.words, it.line)).collect();
+        let marks = marks(contour, view).into_iter();
+        self.turns = marks.map(|it| (it.at, it.words, it.line)).collect();
     }
 
     /// Takes the calls and passes that elements were run in.

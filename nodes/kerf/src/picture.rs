@@ -220,9 +220,9 @@ impl Frame {
     ) -> io::Result<()> {
         let (text, size) = (self.text, 0.35 * self.text);
         let mut written: Vec<Point> = Vec::new();
-        for turn in turns::turns(contour) {
-            let [x, y] = view.project(turn.at);
-            let words = escape(&turn.words);
+        for mark in turns::marks(contour, view) {
+            let [x, y] = mark.at;
+            let words = escape(&mark.words);
             let is_free = |at: &Point| {
                 (at[0] - x).abs() > 0.6 * text * words.len() as f64 || (at[1] - y).abs() > text
             };
@@ -230,7 +230,7 @@ impl Frame {
                 svg,
                 "<g class=\"turn\"><title>{words}, line {}</title>\
                  <path d=\"M{x:.6} {:.6}l{size:.6} {size:.6}l-{size:.6} {size:.6}l-{size:.6} -{size:.6}z\"/>",
-                turn.line,
+                mark.line,
                 y - size
             )?;
             if written.iter().all(is_free) {

@@ -262,8 +262,9 @@ function describe({ layer, index }) {
 function look(px, py, box) {
   const [x, y] = toPaper(box, px, py);
   const pin = sheet.pins.find((pin) => pin.at && Math.hypot(...toScreen(box, ...pin.at).map((s, i) => s - [px, py + 13][i])) < 10);
+  const turn = sheet.turns.find(([at]) => Math.hypot(...toScreen(box, ...at).map((s, i) => s - [px, py][i])) < 6);
   under = pin ? null : find(x, y, 8 / view.scale);
-  by("under").textContent = pin ? pin.text : under ? describe(under) : "";
+  by("under").textContent = pin ? pin.text : [turn ? `${turn[1]} (line ${turn[2]})` : "", under ? describe(under) : ""].filter(Boolean).join("\n");
   if (under) mark(under.layer.elements[under.index][LINE]);
   draw();
 }
