@@ -57,6 +57,18 @@ def test_an_answer_of_a_megabyte_arrives(machine, peer):
     assert [it.integer_value for it in values] == [115_200] * len(asked)
 
 
+def test_the_first_call_of_a_client_takes_no_second(machine, peer):
+    """It may reach the node before its client is discovered, and is fetched then."""
+    for _ in range(20):
+        client = peer.node.create_client(GetParameters, 'axis_driver/get_parameters')
+        peer.until('the service', client.service_is_ready)
+        begin = time.monotonic()
+        peer.result('an answer', client.call_async(GetParameters.Request(names=['baud'])))
+        # Fast DDS sends what was lost by itself after three seconds.
+        assert time.monotonic() - begin < 2.5
+        peer.node.destroy_client(client)
+
+
 @pytest.mark.parametrize('kind, topic', [
     (Program, 'program'),
     (ProgrammedContour, 'programmed_contour'),

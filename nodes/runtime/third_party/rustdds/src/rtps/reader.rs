@@ -1444,7 +1444,7 @@ impl Reader {
       AckNack {
         reader_id: self.entity_id(),
         writer_id: remote_writer_guid.entity_id,
-        reader_sn_state: SequenceNumberSet::new_empty(SequenceNumber::new(1)),
+        reader_sn_state: SequenceNumberSet::new_empty(first_base(remote_writer_guid.prefix)),
         count: acknack_count,
       },
       InfoDestination {
@@ -1468,6 +1468,14 @@ impl Reader {
     })
   }
 } // impl Reader
+
+/// Kerf: what the first ACKNACK to a writer begins with. Fast DDS, whose prefixes begin with its vendor
+/// id, answers 0 at once, and 1 only at its next heartbeat, up to three seconds later. To others 0 is
+/// malformed.
+fn first_base(writer: GuidPrefix) -> SequenceNumber {
+  const FAST_DDS: [u8; 2] = [0x01, 0x0f];
+  SequenceNumber::new(if writer.bytes.starts_with(&FAST_DDS) { 0 } else { 1 })
+}
 
 impl HasQoSPolicy for Reader {
   fn qos(&self) -> QosPolicies {
