@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from machine import Machine
+from chosen import Machine
 
 
 @pytest.fixture(scope='module')

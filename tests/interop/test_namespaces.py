@@ -2,7 +2,7 @@
 
 import pytest
 
-from machine import Machine
+from chosen import Machine
 from programs import QUICK, MachineState, load, settle, until_state
 from ros2 import LATCHED, ActionClient, Node
 
@@ -49,6 +49,8 @@ def test_each_machine_runs_its_own_program_at_the_same_time(cell):
         assert [goal.result().status for goal in goals] == [4, 4]
 
 
+# Over Zenoh each of the two has a router of its own.
+@pytest.mark.dds
 def test_absolute_names_are_those_of_the_whole_domain(cell):
     left, right = cell
     with Node('dashboard', '/', left.domain_id) as dashboard:

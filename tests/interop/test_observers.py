@@ -75,6 +75,7 @@ def test_who_looks_at_the_log_later_sees_what_was_said_before(machine, node):
     assert line.stamp.sec > 0 and line.file and line.line
 
 
+@pytest.mark.dds
 def test_every_command_is_published_with_its_sender_and_its_answer(node):
     commands = node.subscription('cnc_msgs/msg/Command', 'command_log', Qos(depth=100))
     settle(node, 'axis_driver')
@@ -123,6 +124,7 @@ def test_the_preview_is_the_path_in_the_work_frame(machine, node):
     assert {marker.header.frame_id for marker in markers.markers} == {work}
 
 
+@pytest.mark.dds
 def test_a_recorder_of_bags_can_subscribe_everything_with_what_is_offered(machine, node):
     graph = Graph(node)
     until('the graph', lambda: node.resolve('recording') in graph.publishers())

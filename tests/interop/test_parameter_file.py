@@ -2,9 +2,9 @@
 
 import pytest
 
-from machine import Machine
+from chosen import Machine
 from programs import SLOW, MachineState, load, until_state
-from ros2 import ActionClient, Node, message, until
+from ros2 import ActionClient, message, until
 
 DiagnosticArray = message('diagnostic_msgs/msg/DiagnosticArray')
 
@@ -54,7 +54,7 @@ def test_a_finished_run_counts_and_no_other_run_does(machine, node, runs):
     assert 'load it again to go on with the new ones' in machine.log()
 
     # What is loaded began with 8: once more it does not count, and that is said.
-    with Node('watcher', '', machine.domain_id) as watcher:
+    with machine.node('watcher') as watcher:
         told = watcher.subscription(DiagnosticArray.ros_name, '/diagnostics')
         assert runs.send_goal().result().result.outcome == 1
         until_told(told, '#31 is 9 in it, and the program began with 8; load the program again')
@@ -73,7 +73,7 @@ def test_a_file_that_is_gone_after_the_run_is_said(machine, node, runs):
     file.write_text('31 1\n')
     load(node, text=COUNTER, name='counter.ngc')
     file.unlink()
-    with Node('watcher', '', machine.domain_id) as watcher:
+    with machine.node('watcher') as watcher:
         told = watcher.subscription(DiagnosticArray.ros_name, '/diagnostics')
         assert runs.send_goal().result().result.outcome == 1
         until_told(told, 'mill.var was not changed after a run: No such file')

@@ -3,7 +3,7 @@
 import pytest
 
 from contract import NODES
-from machine import Machine
+from chosen import Machine
 from programs import QUICK, MachineState, settle
 from ros2 import LATCHED, ParameterClient, Qos, message, service, until
 

@@ -90,6 +90,7 @@ def test_the_state_is_shown(foxglove):
     assert '/machine_state.state' in paths
 
 
+@pytest.mark.dds
 def test_the_frames_of_the_layouts_are_those_of_the_machine(machine, node, rviz, foxglove):
     frames = set()
 

@@ -4,7 +4,6 @@ Needs a `kerf` with the feature `zenoh`.
 """
 
 import os
-import socket
 import subprocess
 import time
 
@@ -12,29 +11,18 @@ import pytest
 
 import ros2_zenoh
 from contract import COMMON_SERVICES, NODES, SERVICES, TOPICS, TRIGGERS
-from machine import Machine as OverDds, die_with_parent, kerf
+from machine import die_with_parent, kerf
 from programs import QUICK, SLOW, MachineState, load, load_demo, path_chunks, until_state
 from ros2 import (LATCHED, ActionClient, NoAnswer, ParameterClient, interfaces, message,
                   until)
 from ros2.lifecycle import LifecycleClient, Transition
 from ros2_zenoh import attachment
+from zenoh_machine import Machine, at, free_port
 
 # Minutes of a machine in a hurry.
 LONG = 'G21 G90 G94 G17\nG0 X10 Y10\nG1 X110 F1200\n' + 'X10\nX110\n' * 300 + 'M30\n'
 Bool = message('std_msgs/msg/Bool')
 WRONG_HASH = 'RIHS01_' + '0' * 64
-
-
-def free_port():
-    with socket.socket() as taken:
-        taken.bind(('127.0.0.1', 0))
-        return taken.getsockname()[1]
-
-
-def at(port):
-    """The variables with which a node finds the router of a test."""
-    return {'RMW_IMPLEMENTATION': 'rmw_zenoh_cpp',
-            'ZENOH_CONFIG_OVERRIDE': f'connect/endpoints=["tcp/127.0.0.1:{port}"]'}
 
 
 def run(*words, timeout=20, **variables):
@@ -51,22 +39,6 @@ def built_in():
 
 
 pytestmark = pytest.mark.skipif(not built_in(), reason='this kerf is built without Zenoh')
-
-
-class Machine(OverDds):
-    """A machine whose nodes, and those of the tests, are at one router."""
-
-    def __init__(self, **options):
-        self.port = free_port()
-        self.router = ros2_zenoh.router(self.port)
-        super().__init__(rmw='rmw_zenoh_cpp', variables=at(self.port), **options)
-
-    def node(self, name='cell'):
-        return ros2_zenoh.Node(name, self.namespace, self.domain_id, self.port)
-
-    def stop(self):
-        super().stop()
-        self.router.close()
 
 
 @pytest.fixture(scope='module')

@@ -43,7 +43,7 @@ pub struct CalledFunction {
 
 impl CalledFunction {
     /// The functions of a path, each once, as far as they are asked about before it is run.
-    pub(crate) fn all_of(path: &CompensatedPath) -> Vec<Self> {
+    pub fn all_of(path: &CompensatedPath) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
         for event in &path.events {
             let Some(function) = UserFunction::of(&event.action) else { continue };
