@@ -14,7 +14,7 @@
 use crate::command_line::configuration::Configuration;
 use crate::endpoints::node::Handle;
 use crate::managed::lifecycle::{self, Managed};
-use crate::parameters::common::{MEMORY_MB_MAX, autostart, memory_mb_max};
+use crate::parameters::common::{MEMORY_MB_MAX, autostart, of_process};
 use crate::parameters::{Declared, ParameterValue};
 use crate::process::console::write;
 use crate::process::panic_guard::end_on_panic;
@@ -77,7 +77,7 @@ where
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
         .collect();
     let mut declared = declared;
-    declared.push(memory_mb_max());
+    declared.extend(of_process());
     let configuration = match Configuration::read(name, declared, words, &variables) {
         Ok(configuration) => configuration,
         Err(error) => {

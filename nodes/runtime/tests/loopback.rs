@@ -4,6 +4,7 @@ mod common;
 
 use common::{AddTwoInts, Count, Sum, Terms, Text, domain, soon, start, start_with};
 use runtime::environment::DiscoveryRange;
+use runtime::parameters::Declared;
 use runtime::{CallError, Qos, ServiceMapping};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -97,6 +98,32 @@ async fn eight_calls_at_once_each_get_their_own_answer_in_either_mapping() {
             assert_eq!(sum, a as i64 + 40);
         }
         assert_eq!(served.load(Ordering::Relaxed), 8);
+        drop(client);
+        server.stop().await;
+        asker.stop().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn so_many_requests_wait_as_the_parameter_says() {
+    // The DDS layer keeps some more for a moment.
+    for (offset, depth, answered) in [(9, 2_i64, 0..=300), (10, 1000, 400..=400)] {
+        let depth = Declared::new("service_depth", depth, "requests that wait");
+        let mapping = ServiceMapping::Enhanced;
+        let server = common::start_declared("server", domain(offset), mapping, vec![depth]);
+        let asker = start("asker", domain(offset));
+        let slow = move |terms: Terms, _| async move {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+            Sum { sum: terms.a + terms.b }
+        };
+        server.handle().service::<AddTwoInts, _, _>("add", slow).expect("service");
+        let client = asker.handle().client::<AddTwoInts>("add").expect("client");
+        assert!(soon("a server", client.wait_for_server(common::PATIENCE)).await);
+        let within = Duration::from_secs(5);
+        let calls = (0..400).map(|a| client.call_within(Terms { a, b: 1 }, within));
+        let answers = futures::future::join_all(calls).await;
+        let count = answers.iter().filter(|it| it.is_ok()).count();
+        assert!(answered.contains(&count), "{count} of 400 were answered");
         drop(client);
         server.stop().await;
         asker.stop().await;

@@ -9,7 +9,7 @@ use crate::command_line::log_levels::LogSettings;
 use crate::command_line::names::{NameError, Names};
 use crate::command_line::parameter_file;
 use crate::command_line::security::SecurityError;
-use crate::parameters::common::{autostart, memory_mb_max};
+use crate::parameters::common::{autostart, of_process};
 use crate::parameters::{Declared, ParameterError, Parameters};
 use settings::yaml::{FileError, read_text};
 use std::collections::BTreeMap;
@@ -115,7 +115,7 @@ impl Configuration {
         words: &[String],
     ) -> Result<Self, ConfigurationError> {
         declared.push(autostart());
-        declared.push(memory_mb_max());
+        declared.extend(of_process());
         // Variables that are not UTF-8 are not ours.
         let variables = std::env::vars_os()
             .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))

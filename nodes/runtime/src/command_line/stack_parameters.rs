@@ -7,7 +7,7 @@ use crate::command_line::arguments::{Arguments, ParameterArgument};
 use crate::command_line::configuration::ConfigurationError;
 use crate::command_line::names::Names;
 use crate::command_line::parameter_file;
-use crate::parameters::common::{autostart, memory_mb_max};
+use crate::parameters::common::{autostart, of_process};
 use crate::parameters::{Declared, Origin, Override, ParameterError, Parameters};
 use intake::nearest::nearest;
 use settings::yaml::{FileError, read_text};
@@ -46,7 +46,7 @@ impl StackParameters {
         let mut others: Option<BTreeSet<(String, String)>> = None;
         for (name, mut declared) in nodes {
             declared.push(autostart());
-            declared.push(memory_mb_max());
+            declared.extend(of_process());
             let names = Names::new(name, &arguments.remaps)?;
             let mut parameters = Parameters::declare(declared)
                 .map_err(|error| ConfigurationError::Parameters(vec![error]))?;

@@ -115,6 +115,7 @@ impl Dds {
         self: &Arc<Self>,
         name: &str,
         type_name: &str,
+        depth: usize,
     ) -> Result<(Reader, Replies), NodeError> {
         let (request_topic, reply_topic) = service_topics(name);
         let (request_type, reply_type) = service_types(type_name);
@@ -131,8 +132,8 @@ impl Dds {
         let replies = Replies::new(name, &self.environment, new_writer)?;
         let label = format!("requests of {name}");
         let has_header = self.has_header();
-        let reader =
-            self.reader(label, &request_topic, &request_type, Qos::SERVICES, has_header)?;
+        let qos = Qos::SERVICES.with_depth(depth);
+        let reader = self.reader(label, &request_topic, &request_type, qos, has_header)?;
         Ok((reader, replies))
     }
 

@@ -108,15 +108,16 @@ impl Middleware {
         &self,
         name: &str,
         type_name: &str,
+        depth: usize,
     ) -> Result<(Reader, Replying), NodeError> {
         match self {
             Self::Dds(dds) => {
-                let (reader, replies) = dds.server(name, type_name)?;
+                let (reader, replies) = dds.server(name, type_name, depth)?;
                 Ok((reader, Replying::Dds(replies)))
             }
             #[cfg(feature = "zenoh")]
             Self::Zenoh(node) => {
-                let (receiver, answers) = node.server(name, type_name)?;
+                let (receiver, answers) = node.server(name, type_name, depth)?;
                 let reader =
                     Reader::new(format!("requests of {name}"), Incoming::Zenoh(receiver), false);
                 Ok((reader, Replying::Zenoh(answers)))

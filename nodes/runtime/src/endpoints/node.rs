@@ -16,6 +16,8 @@ use crate::endpoints::other_middleware::mismatch;
 use crate::endpoints::publisher::Publisher;
 use crate::endpoints::service::{Overload, Replying, Request, RequestInfo, Server};
 use crate::endpoints::subscription::{Reader, Subscription};
+use crate::parameters::ParameterValue;
+use crate::parameters::common::{SERVICE_DEPTH, SERVICE_DEPTH_USUAL};
 use crate::parameters::live::LiveParameters;
 use crate::process::lifecycle_states::LifecycleState;
 use crate::process::memory::Memory;
@@ -214,7 +216,11 @@ impl Handle {
         type_name: &str,
     ) -> Result<(Reader, Replying), NodeError> {
         let name = self.inner.names.resolve_as(name, Scope::Service)?;
-        self.inner.middleware.server(&name, type_name)
+        let depth = match self.inner.parameters.get(SERVICE_DEPTH) {
+            Some(ParameterValue::Integer(depth)) => usize::try_from(depth).unwrap_or(1),
+            _ => SERVICE_DEPTH_USUAL as usize,
+        };
+        self.inner.middleware.server(&name, type_name, depth)
     }
 
     /// Makes a client of a service.

@@ -8,6 +8,9 @@ pub const USE_SIM_TIME: &str = "use_sim_time";
 pub const AUTOSTART: &str = "autostart";
 /// Declared by every node: the memory at which it ends.
 pub(crate) const MEMORY_MB_MAX: &str = "memory_mb_max";
+/// Declared by every node: requests that may wait at a service.
+pub(crate) const SERVICE_DEPTH: &str = "service_depth";
+pub(crate) const SERVICE_DEPTH_USUAL: i64 = 100;
 /// Of nodes and commands; a program of a million lines takes up to 800 MB.
 pub(crate) const MEMORY_MB_USUAL: i64 = 2_048;
 /// Below this a node does not start.
@@ -25,7 +28,18 @@ pub(crate) fn autostart() -> Declared {
 }
 
 /// Of every node that is started as a process.
-pub(crate) fn memory_mb_max() -> Declared {
+pub(crate) fn of_process() -> [Declared; 2] {
+    [memory_mb_max(), service_depth()]
+}
+
+fn service_depth() -> Declared {
+    let description = "requests that may wait at each service; of more, some are lost";
+    Declared::new(SERVICE_DEPTH, SERVICE_DEPTH_USUAL, description)
+        .integer_within(1, 10_000)
+        .read_only()
+}
+
+fn memory_mb_max() -> Declared {
     Declared::new(
         MEMORY_MB_MAX,
         MEMORY_MB_USUAL,

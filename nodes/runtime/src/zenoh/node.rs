@@ -155,9 +155,10 @@ impl Node {
         &self,
         name: &str,
         type_name: &str,
+        depth: usize,
     ) -> Result<(Receiver, Answers), ZenohError> {
         let (token, key) = self.endpoint(Kind::Server, name, type_name, Qos::DEFAULT)?;
-        let inbox = Inbox::new(Qos::SERVICES.depth);
+        let inbox = Inbox::new(depth);
         let answers = Answers::new(&key);
         let (filled, taking) = (Arc::clone(&inbox), answers.clone());
         let discovery = Arc::clone(&self.discovery);
