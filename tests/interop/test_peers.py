@@ -15,8 +15,12 @@ from ros2.node import Context
 # Sends a goal, says its id and waits for ever.
 CLIENT = '''
 import sys, time
-from ros2 import ActionClient, Node
-node = Node('commander', sys.argv[1], int(sys.argv[2]))
+from ros2 import ActionClient
+if len(sys.argv) > 3:
+    from ros2_zenoh import Node
+else:
+    from ros2 import Node
+node = Node('commander', sys.argv[1], *map(int, sys.argv[2:]))
 states = node.subscription('cnc_msgs/msg/MachineState', 'machine_state')
 goal = ActionClient(node, 'cnc_msgs/action/RunProgram', 'run_program').send_goal()
 print(goal.number.hex(), flush=True)
@@ -57,8 +61,10 @@ exec "$@"
 @pytest.fixture
 def commander(machine):
     """A client of its own process, with a goal that is being run."""
+    # Over Zenoh, the port of its router.
+    where = [machine.domain_id, *([machine.port] if hasattr(machine, 'port') else [])]
     child = subprocess.Popen(
-        [sys.executable, '-B', '-c', CLIENT, machine.namespace, str(machine.domain_id)],
+        [sys.executable, '-B', '-c', CLIENT, machine.namespace, *map(str, where)],
         cwd=Path(__file__).parent, stdout=subprocess.PIPE, text=True)
     child.goal = bytes.fromhex(child.stdout.readline().strip())
     yield child
@@ -105,6 +111,7 @@ def test_a_client_that_is_stopped_slows_nobody(node, loaded, commander):
     os.kill(commander.pid, signal.SIGCONT)
 
 
+@pytest.mark.dds
 @pytest.mark.parametrize('topic, type_name, other, value, qos', [
     ('feed_hold', 'std_msgs/msg/Bool', 'std_msgs/msg/String', {'data': 'hold!'}, DEFAULT),
     ('commander_heartbeat', 'std_msgs/msg/Header', 'std_msgs/msg/Float64', {}, DEFAULT),
@@ -127,6 +134,7 @@ def test_another_version_of_a_type_is_passed_over_and_told_once(
     assert 'panicked' not in machine.log()
 
 
+@pytest.mark.dds
 def test_an_endpoint_whose_type_has_another_hash_is_not_connected(machine, node):
     until_state(node, MachineState.STATE_IDLE)
     other = 'RIHS01_' + 64 * '0'
@@ -189,6 +197,7 @@ def test_a_client_that_has_just_come_gets_its_first_answer(machine):
             assert client.call(timeout=20).success
 
 
+@pytest.mark.dds
 def test_a_node_without_settings_commands_a_machine_that_keeps_to_its_host():
     ran = subprocess.run(
         ['unshare', '--net', 'sh', '-e', '-c', HOST, 'sh', sys.executable, '-B', '-c', STOCK],
@@ -196,6 +205,7 @@ def test_a_node_without_settings_commands_a_machine_that_keeps_to_its_host():
     assert ran.returncode == 0, ran.stdout + ran.stderr
 
 
+@pytest.mark.dds
 def test_a_second_context_of_a_process_is_served(machine, node):
     until_state(node, MachineState.STATE_IDLE)
     second = Context(machine.domain_id)
