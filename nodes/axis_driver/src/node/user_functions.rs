@@ -12,8 +12,10 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::mpsc;
 
-/// How long the node may take to say whether it knows all functions.
-const KNOWN_WITHIN: Duration = Duration::from_secs(5);
+/// How long a node that offers the service may take to be found, and to say whether it knows all functions:
+/// a goal has to be decided on within four seconds.
+const FOUND_WITHIN: Duration = Duration::from_millis(500);
+const KNOWN_WITHIN: Duration = Duration::from_secs(1);
 /// Nobody waits so long for an answer.
 const FOR_EVER: Duration = Duration::from_secs(30 * 24 * 3600);
 
@@ -83,19 +85,29 @@ pub(super) async fn check(
         // The core refuses each.
         return Ok(());
     }
+    let client = &driver.user_functions;
+    let left: Vec<CalledFunction> =
+        functions.iter().filter(|it| it.last_line >= start_line).copied().collect();
+    if left.is_empty() {
+        return Ok(());
+    }
+    let is_offered = client.wait_for_server(FOUND_WITHIN).await;
     let end = tokio::time::Instant::now() + KNOWN_WITHIN;
-    for &CalledFunction { function, line, .. } in
-        functions.iter().filter(|it| it.last_line >= start_line)
-    {
+    for CalledFunction { function, line, .. } in left {
         let request =
             CallUserFunctionRequest { check_only: true, ..request(program_id, line, function) };
-        let left = end.saturating_duration_since(tokio::time::Instant::now());
-        let answer = driver.user_functions.call_within(request, left).await;
-        let known = match answer {
-            Ok(answer) => said(answer).and_then(|_| one_server(driver)),
-            Err(error) => Err(format!(
-                "{error}; a node of the cell that offers this service does such functions, and was only asked whether \
-                 it would"
+        let within = end.saturating_duration_since(tokio::time::Instant::now());
+        let known = match is_offered {
+            true => match client.call_within(request, within).await {
+                Ok(answer) => said(answer).and_then(|_| one_server(driver)),
+                Err(error) => {
+                    Err(format!("{error}; its node was only asked whether it would do it"))
+                }
+            },
+            false => Err(format!(
+                "nobody offers {}: start the node of the cell that does such functions, in this ROS_DOMAIN_ID and \
+                 namespace",
+                client.name()
             )),
         };
         if let Err(why) = known {
