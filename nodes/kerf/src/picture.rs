@@ -239,7 +239,7 @@ impl Frame {
                     svg,
                     "<text x=\"{:.6}\" y=\"{:.6}\">{words}</text>",
                     x + 1.5 * size,
-                    y + 0.4 * text
+                    y - 0.5 * text
                 )?;
             }
             writeln!(svg, "</g>")?;

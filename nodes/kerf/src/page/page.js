@@ -158,7 +158,7 @@ function drawTurns(box) {
     pen.fill();
     if (written.some(([u, v, wide]) => x < u + wide && u < x + width && Math.abs(v - y) < 13)) continue;
     written.push([x, y, width]);
-    pen.fillText(words, x + 7, y + 4);
+    pen.fillText(words, x + 6, y - 6);
   }
 }
 
