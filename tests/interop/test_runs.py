@@ -38,7 +38,8 @@ def test_a_run_tells_how_far_it_is_and_how_it_ended(node, runs):
 
     fractions = [feedback.fraction for feedback in goal.feedback()]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
-    assert runs.statuses()[goal.number] == GoalStatus.STATUS_SUCCEEDED
+    until('the status', lambda:
+          runs.statuses().get(goal.number) == GoalStatus.STATUS_SUCCEEDED)
 
 
 def test_the_loaded_program_runs_when_none_is_named(node, runs):
