@@ -7,6 +7,7 @@ use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
 use kerf_tests::line::Line;
 use kerf_tests::planned;
+use std::sync::Arc;
 use virtual_controller::{Build, Firmware, Settings};
 
 const PROGRAM: &str = "G21 G90 G94 G54 F1200\nG1 X20\nM101 P2 Q-0.5\nG1 X40\nM102\nG1 X60\nM30\n";
@@ -195,5 +196,17 @@ fn a_function_is_not_called_while_a_hold_waits_nor_without_the_ros_side() {
     let result = line.result();
     assert_eq!(result.error_code, error_code::USER_FUNCTION, "{result:?}");
     assert!(result.message.contains("it was not called"), "{result:?}");
+    assert!(line.calls.is_empty());
+}
+
+#[test]
+fn none_is_called_where_none_may_take_any_time() {
+    let build = Build::new(Settings::small_router_of(Firmware::Grbl));
+    let config = DriverConfig { user_function_s_max: 0, ..DriverConfig::default() };
+    let mut line = Line::new(config, build, &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    let refused = line.ask(Command::ExecuteMdi { path: Arc::new(path()) }).expect_err("a refusal");
+    assert_eq!(refused.error_code, error_code::NOT_ENCODABLE, "{refused:?}");
+    assert!(refused.message.contains("user_function_s_max is 0"), "{refused:?}");
     assert!(line.calls.is_empty());
 }

@@ -133,14 +133,14 @@ impl Driver {
         call: (u64, u32),
         answer: Result<String, String>,
     ) -> Answer {
-        let Phase::Running(run) = &mut self.phase else {
-            return refused(error_code::NOTHING_TO_DO, "no run waits for it any more");
-        };
-        let Some(exit) = run.on_user_function(&mut self.context, call, &answer) else {
-            return refused(error_code::NOTHING_TO_DO, "no run waits for it any more");
-        };
-        self.leave_run(exit);
-        done("heard")
+        match &mut self.phase {
+            Phase::Running(run) if run.waits_for(call) => {
+                let exit = run.on_user_function(&mut self.context, &answer);
+                self.leave_run(exit);
+                done("heard")
+            }
+            _ => refused(error_code::NOTHING_TO_DO, "no run waits for it any more"),
+        }
     }
 
     /// The ROS side has come or gone.

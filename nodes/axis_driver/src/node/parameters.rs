@@ -313,7 +313,6 @@ pub fn driver_config(get: impl Fn(&str) -> ParameterValue) -> DriverConfig {
         encoder: EncoderConfig {
             position_mm_max: double("position_mm_max", default.encoder.position_mm_max),
             feed_mm_per_min_max: double("feed_mm_per_min_max", default.encoder.feed_mm_per_min_max),
-            has_user_functions: integer("user_function_s_max", 0) > 0,
             optional_stop: bool("optional_stop", default.encoder.optional_stop),
             line_numbers: bool("line_numbers", default.encoder.line_numbers),
             controller_changes_tools: matches!(

@@ -82,6 +82,7 @@ impl Context {
         let Self { config, machine, .. } = self;
         EncoderConfig {
             has_mist: config.encoder.has_mist || machine.has_mist,
+            has_user_functions: config.user_function_s_max > 0,
             homing: machine.homing(),
             board: machine.board(),
             // The others have no M6: the driver waits for the tool.

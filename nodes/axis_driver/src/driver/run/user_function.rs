@@ -69,17 +69,18 @@ impl ProgramRun {
         Some(format!("{}: {function} was called, and may go on", self.job.place_of(source)))
     }
 
-    /// Takes what the node says of a call, if the run waits for this one.
+    /// Whether it waits for the end of this call.
+    pub(in crate::driver) fn waits_for(&self, (run, call): (u64, u32)) -> bool {
+        matches!(self.stage, Stage::Calling(_)) && (run, call) == (self.job.id, self.calls)
+    }
+
+    /// Takes what the node says of the call that it waits for.
     pub(in crate::driver) fn on_user_function(
         &mut self,
         context: &mut Context,
-        (run, call): (u64, u32),
         answer: &Result<String, String>,
-    ) -> Option<Option<Exit>> {
+    ) -> Option<Exit> {
         let Stage::Calling(calling) = &self.stage else { return None };
-        if (run, call) != (self.job.id, self.calls) {
-            return None;
-        }
         let calling = calling.clone();
         match answer {
             Ok(said) => {
@@ -87,9 +88,9 @@ impl ProgramRun {
                 let said = if said.is_empty() { "" } else { &format!(": {said}") };
                 context.log(LogLevel::Info, format!("{place}: {} is done{said}", calling.function));
                 self.go_on();
-                Some(None)
+                None
             }
-            Err(why) => Some(Some(self.end_without_function(&calling, why))),
+            Err(why) => Some(self.end_without_function(&calling, why)),
         }
     }
 
