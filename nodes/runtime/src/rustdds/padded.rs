@@ -32,9 +32,7 @@ impl Padded {
         bytes.resize(len + padding(len), 0);
         Ok(Self { bytes })
     }
-}
 
-impl Padded {
     /// Bytes that it takes.
     pub(crate) fn len(&self) -> usize {
         self.bytes.len()

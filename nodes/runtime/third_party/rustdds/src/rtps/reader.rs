@@ -43,7 +43,7 @@ use crate::{
   polling::{ReadySender, SharedTimer, WakeReceiver},
   rtps::{
     fragment_assembler::FragmentAssembler, message_receiver::MessageReceiverState,
-    rtps_writer_proxy::RtpsWriterProxy, timed_event::DpTimerEvent, Message,
+    rtps_writer_proxy::{Asked, RtpsWriterProxy}, timed_event::DpTimerEvent, Message,
   },
   structure::{
     cache_change::{CacheChange, ChangeKind},
@@ -66,6 +66,7 @@ use crate::no_security::SecurityPluginsHandle;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TimedEvent {
   DeadlineMissedCheck,
+  AskAgain { writer: GUID },
 }
 
 // Some pieces necessary to construct a reader.
@@ -324,6 +325,7 @@ impl Reader {
         self.handle_requested_deadline_event();
         self.set_requested_deadline_check_timer(); // re-prime timer
       }
+      TimedEvent::AskAgain { writer } => self.ask_again(writer),
     }
   }
 
@@ -595,7 +597,9 @@ impl Reader {
     // Kerf: as with DATA, nothing is taken of a writer that is not matched, and nothing twice.
     if !self.like_stateless && self.entity_id() != EntityId::SPDP_BUILTIN_PARTICIPANT_READER {
       match self.matched_writer_mut(writer_guid) {
-        Some(writer_proxy) if !writer_proxy.should_ignore_change(seq_num) => {}
+        Some(writer_proxy) if !writer_proxy.should_ignore_change(seq_num) => {
+          writer_proxy.heard(seq_num);
+        }
         _ => return,
       }
     }
@@ -942,11 +946,12 @@ impl Reader {
           this.notify_cache_change();
         }
 
-        // let received_before = writer_proxy.all_ackable_before();
-        let reader_id = this.entity_id();
-
         // See if ACKNACK is needed, and generate one.
-        let missing_seqnums = writer_proxy.missing_seqnums(heartbeat.first_sn, heartbeat.last_sn);
+        let advertised = (heartbeat.first_sn, heartbeat.last_sn);
+        let missing_seqnums = writer_proxy.missing_seqnums(advertised.0, advertised.1);
+        if !missing_seqnums.is_empty() && writer_proxy.asked.replace(Asked::new(advertised)).is_none() {
+          this.set_ask_again_timer(writer_guid, Asked::FIRST_WAIT);
+        }
 
         // Interpretation of final flag in RTPS spec
         // 8.4.2.3.1 Readers must respond eventually after receiving a HEARTBEAT with
@@ -956,135 +961,179 @@ impl Reader {
         // respond with an ACKNACK Message. The ACKNACK Message may acknowledge
         // having received all the data samples or may indicate that some data
         // samples are missing. The response may be delayed to avoid message storms.
-
-        if !missing_seqnums.is_empty() || !final_flag_set {
-          let mut partially_received = Vec::new();
-          // report of what we have.
-          // We claim to have received all SNs before "base" and produce a set of missing
-          // sequence numbers that are >= base.
-          let reader_sn_state = match missing_seqnums.first() {
-            Some(&first_missing) => {
-              // Here we assume missing_seqnums are returned in order.
-              // Limit the set to maximum that can be sent in acknack submessage.
-
-              SequenceNumberSet::from_base_and_set(
-                first_missing,
-                &missing_seqnums
-                  .iter()
-                  .copied()
-                  .take_while(|sn| sn < &(first_missing + SequenceNumber::new(256)))
-                  .filter(|sn| {
-                    if this.is_frag_partially_received(writer_guid, *sn) {
-                      partially_received.push(*sn);
-                      false
-                    } else {
-                      true
-                    }
-                  })
-                  .collect(),
-              )
-            }
-
-            // Nothing missing. Report that we have all we have.
-            None => SequenceNumberSet::new_empty(writer_proxy.all_ackable_before()),
-          };
-
-          let response_ack_nack = AckNack {
-            reader_id,
-            writer_id: heartbeat.writer_id,
-            reader_sn_state,
-            count: writer_proxy.next_ack_nack_sequence_number(),
-          };
-
-          // Sanity check
-          //
-          // Wrong. This sanity check is invalid. The condition
-          // ack_base > heartbeat.last_sn + 1
-          // May be legitimately true, if there are some changes available, and a GAP
-          // after that. E.g. HEARTBEAT 1..8 and GAP 9..10. Then acknack_base == 11
-          // and 11 > 8 + 1.
-          //
-          //
-          // if response_ack_nack.reader_sn_state.base() > heartbeat.last_sn +
-          // SequenceNumber::new(1) {   error!(
-          //     "OOPS! AckNack sanity check tripped: HEARTBEAT = {:?} ACKNACK = {:?}
-          // missing_seqnums = {:?} all_ackable_before = {:?} writer={:?}",
-          //     &heartbeat, &response_ack_nack, missing_seqnums,
-          // writer_proxy.all_ackable_before(), writer_guid,   );
-          // }
-
-          // The acknack can be sent now or later. The rest of the RTPS message
-          // needs to be constructed. p. 48
-          let acknack_flags = BitFlags::<ACKNACK_Flags>::from_flag(ACKNACK_Flags::Endianness)
-            | BitFlags::<ACKNACK_Flags>::from_flag(ACKNACK_Flags::Final);
-
-          let nackfrag_flags = BitFlags::<NACKFRAG_Flags>::from_flag(NACKFRAG_Flags::Endianness);
-
-          // send NackFrags, if any
-          let mut nackfrags = Vec::new();
-          for sn in partially_received {
-            let count = writer_proxy.next_ack_nack_sequence_number();
-            let mut missing_frags = this.missing_frags_for(writer_guid, sn);
-            let first_missing = missing_frags.next();
-            if let Some(first) = first_missing {
-              // Kerf: as many as the set holds.
-              let missing_frags = missing_frags
-                .take_while(|f| u32::from(*f) - u32::from(first) < 256);
-              let missing_frags_set = iter::once(first).chain(missing_frags).collect(); // "undo" the .next() above
-              let nf = NackFrag {
-                reader_id,
-                writer_id: writer_proxy.remote_writer_guid.entity_id,
-                writer_sn: sn,
-                fragment_number_state: FragmentNumberSet::from_base_and_set(
-                  first,
-                  &missing_frags_set,
-                ),
-                count,
-              };
-              nackfrags.push(nf);
-            } else {
-              error!("The dog ate my missing fragments.");
-              // Really, this should not happen, as we are above checking
-              // that this SN is really partially (and not fully) received.
-            }
-          }
-
-          // Decide where should we send a reply, i.e. ACKNACK
-          let reply_locators = match mr_state.unicast_reply_locator_list {
-            [] | [Locator::Invalid] => &writer_proxy.unicast_locator_list,
-            //TODO: What is writer_proxy has an empty list?
-            others => others,
-          };
-
-          if !nackfrags.is_empty() {
-            this.send_nackfrags_to(
-              nackfrag_flags,
-              nackfrags,
-              InfoDestination {
-                guid_prefix: mr_state.source_guid_prefix,
-              },
-              reply_locators,
-              writer_guid,
-            );
-          }
-
-          this.send_acknack_to(
-            acknack_flags,
-            response_ack_nack,
-            InfoDestination {
-              guid_prefix: mr_state.source_guid_prefix,
-            },
-            reply_locators,
-            writer_guid,
-          );
-
-          return true;
+        let responds = !missing_seqnums.is_empty() || !final_flag_set;
+        if responds {
+          this.send_acknack(writer_proxy, missing_seqnums, mr_state.unicast_reply_locator_list);
         }
-
-        false
+        responds
       }) // worker fn
       .unwrap_or(false) // default false: no writer_proxy -> no acknack
   } // fn
+
+  // Kerf: apart, since `ask_again` sends it, too.
+  fn send_acknack(
+    &self,
+    writer_proxy: &mut RtpsWriterProxy,
+    missing_seqnums: Vec<SequenceNumber>,
+    unicast_reply_locator_list: &[Locator],
+  ) {
+    // let received_before = writer_proxy.all_ackable_before();
+    let reader_id = self.entity_id();
+    let writer_guid = writer_proxy.remote_writer_guid;
+    let mut partially_received = Vec::new();
+    // report of what we have.
+    // We claim to have received all SNs before "base" and produce a set of missing
+    // sequence numbers that are >= base.
+    let reader_sn_state = match missing_seqnums.first() {
+      Some(&first_missing) => {
+        // Here we assume missing_seqnums are returned in order.
+        // Limit the set to maximum that can be sent in acknack submessage.
+
+        SequenceNumberSet::from_base_and_set(
+          first_missing,
+          &missing_seqnums
+            .iter()
+            .copied()
+            .take_while(|sn| sn < &(first_missing + SequenceNumber::new(256)))
+            .filter(|sn| {
+              if self.is_frag_partially_received(writer_guid, *sn) {
+                partially_received.push(*sn);
+                false
+              } else {
+                true
+              }
+            })
+            .collect(),
+        )
+      }
+
+      // Nothing missing. Report that we have all we have.
+      None => SequenceNumberSet::new_empty(writer_proxy.all_ackable_before()),
+    };
+
+    let response_ack_nack = AckNack {
+      reader_id,
+      writer_id: writer_guid.entity_id,
+      reader_sn_state,
+      count: writer_proxy.next_ack_nack_sequence_number(),
+    };
+
+    // Sanity check
+    //
+    // Wrong. This sanity check is invalid. The condition
+    // ack_base > last_sn + 1
+    // May be legitimately true, if there are some changes available, and a GAP
+    // after that. E.g. HEARTBEAT 1..8 and GAP 9..10. Then acknack_base == 11
+    // and 11 > 8 + 1.
+    //
+    //
+    // if response_ack_nack.reader_sn_state.base() > heartbeat.last_sn +
+    // SequenceNumber::new(1) {   error!(
+    //     "OOPS! AckNack sanity check tripped: HEARTBEAT = {:?} ACKNACK = {:?}
+    // missing_seqnums = {:?} all_ackable_before = {:?} writer={:?}",
+    //     &heartbeat, &response_ack_nack, missing_seqnums,
+    // writer_proxy.all_ackable_before(), writer_guid,   );
+    // }
+
+    // The acknack can be sent now or later. The rest of the RTPS message
+    // needs to be constructed. p. 48
+    let acknack_flags = BitFlags::<ACKNACK_Flags>::from_flag(ACKNACK_Flags::Endianness)
+      | BitFlags::<ACKNACK_Flags>::from_flag(ACKNACK_Flags::Final);
+
+    let nackfrag_flags = BitFlags::<NACKFRAG_Flags>::from_flag(NACKFRAG_Flags::Endianness);
+
+    // send NackFrags, if any
+    let mut nackfrags = Vec::new();
+    for sn in partially_received {
+      let count = writer_proxy.next_ack_nack_sequence_number();
+      let mut missing_frags = self.missing_frags_for(writer_guid, sn);
+      let first_missing = missing_frags.next();
+      if let Some(first) = first_missing {
+        // Kerf: as many as the set holds.
+        let missing_frags = missing_frags
+          .take_while(|f| u32::from(*f) - u32::from(first) < 256);
+        let missing_frags_set = iter::once(first).chain(missing_frags).collect(); // "undo" the .next() above
+        let nf = NackFrag {
+          reader_id,
+          writer_id: writer_proxy.remote_writer_guid.entity_id,
+          writer_sn: sn,
+          fragment_number_state: FragmentNumberSet::from_base_and_set(
+            first,
+            &missing_frags_set,
+          ),
+          count,
+        };
+        nackfrags.push(nf);
+      } else {
+        error!("The dog ate my missing fragments.");
+        // Really, this should not happen, as we are above checking
+        // that this SN is really partially (and not fully) received.
+      }
+    }
+
+    // Decide where should we send a reply, i.e. ACKNACK
+    let reply_locators = match unicast_reply_locator_list {
+      [] | [Locator::Invalid] => &writer_proxy.unicast_locator_list,
+      //TODO: What is writer_proxy has an empty list?
+      others => others,
+    };
+
+    if !nackfrags.is_empty() {
+      self.send_nackfrags_to(
+        nackfrag_flags,
+        nackfrags,
+        InfoDestination {
+          guid_prefix: writer_guid.prefix,
+        },
+        reply_locators,
+        writer_guid,
+      );
+    }
+
+    self.send_acknack_to(
+      acknack_flags,
+      response_ack_nack,
+      InfoDestination {
+        guid_prefix: writer_guid.prefix,
+      },
+      reply_locators,
+      writer_guid,
+    );
+  }
+
+  // Kerf: asks for what is missing as long as it is, and nothing of it came for a while. Else a request or an answer
+  // that was lost would be sent again only after the next HEARTBEAT, and Fast DDS takes no notice of a request that
+  // comes before it has noted the sample as sent.
+  fn ask_again(&mut self, writer: GUID) {
+    if !self.matched_writers.contains_key(&writer) {
+      return;
+    }
+    self.with_mutable_writer_proxy(writer, |this, writer_proxy| {
+      let Some(mut asked) = writer_proxy.asked.take() else {
+        return;
+      };
+      let missing_seqnums = writer_proxy.missing_seqnums(asked.advertised.0, asked.advertised.1);
+      if missing_seqnums.is_empty() {
+        return;
+      }
+      let mut wait = asked.rest();
+      if wait.is_zero() {
+        this.send_acknack(writer_proxy, missing_seqnums, &[]);
+        let Some(next) = asked.repeated() else {
+          return;
+        };
+        wait = next;
+      }
+      writer_proxy.asked = Some(asked);
+      this.set_ask_again_timer(writer, wait);
+    });
+  }
+
+  fn set_ask_again_timer(&self, writer: GUID, wait: StdDuration) {
+    let entity_id = self.my_guid.entity_id;
+    let event = TimedEvent::AskAgain { writer };
+    self.timed_event_timer.borrow_mut().set_timeout(wait, DpTimerEvent::Reader { entity_id, event });
+  }
 
   pub fn handle_gap_msg(&mut self, gap: &Gap, mr_state: &MessageReceiverState) {
     // ATM all things related to groups is ignored. TODO?
@@ -1756,10 +1805,11 @@ mod tests {
       security_plugins: None,
       discovery_notify: None,
     };
+    let timer = new_shared_timer();
     let mut reader = Reader::new(
       reader_ing,
       Rc::new(UDPSender::new(0).unwrap()),
-      new_shared_timer(),
+      timer.clone(),
       participant_status_sender,
     );
 
@@ -1821,6 +1871,34 @@ mod tests {
       .matched_writer(writer_guid)
       .expect("Did not find a matched writer");
     assert_eq!(writer_proxy.sent_ack_nack_count, 3);
+
+    // Kerf: 8. Of the three samples one comes. It asks again for the others, and no more when they came.
+    let mut next_event = || loop {
+      if let Some(DpTimerEvent::Reader { event, .. }) = timer.borrow_mut().poll() {
+        return event;
+      }
+      std::thread::sleep(StdDuration::from_millis(1));
+    };
+    let asked_again = TimedEvent::AskAgain { writer: writer_guid };
+    let receive = |reader: &mut Reader, number| {
+      let proxy = reader.matched_writer_mut(writer_guid).unwrap();
+      proxy.received_changes_add(SequenceNumber::new(number), Timestamp::now());
+    };
+    let sent = |reader: &Reader| reader.matched_writer(writer_guid).unwrap().sent_ack_nack_count;
+    std::thread::sleep(StdDuration::from_millis(50));
+    receive(&mut reader, 2);
+    assert_eq!(next_event(), asked_again);
+    reader.handle_timed_event(asked_again);
+    assert_eq!(sent(&reader), 3, "the others may be under way");
+    assert_eq!(next_event(), asked_again);
+    reader.handle_timed_event(asked_again);
+    assert_eq!(sent(&reader), 4);
+    receive(&mut reader, 1);
+    receive(&mut reader, 3);
+    assert_eq!(next_event(), asked_again);
+    reader.handle_timed_event(asked_again);
+    assert_eq!(sent(&reader), 4);
+    assert!(reader.matched_writer(writer_guid).unwrap().asked.is_none());
   }
 
   #[test]

@@ -1,5 +1,9 @@
 use core::ops::Bound::{Included, Unbounded};
-use std::{cmp::max, collections::BTreeMap};
+use std::{
+  cmp::max,
+  collections::BTreeMap,
+  time::{Duration, Instant},
+};
 
 #[allow(unused_imports)]
 use log::{debug, error, info, trace, warn};
@@ -14,6 +18,37 @@ use crate::{
     time::Timestamp,
   },
 };
+
+/// Kerf: what an ACKNACK has asked for, and when it is asked for again.
+#[derive(Debug)]
+pub(crate) struct Asked {
+  /// The first and the last sample of the HEARTBEAT that was answered.
+  pub advertised: (SequenceNumber, SequenceNumber),
+  heard: Instant,
+  wait: Duration,
+}
+
+impl Asked {
+  /// Each wait is twice the one before.
+  pub const FIRST_WAIT: Duration = Duration::from_millis(100);
+  const LAST_WAIT: Duration = Duration::from_millis(1600);
+
+  pub fn new(advertised: (SequenceNumber, SequenceNumber)) -> Self {
+    Self { advertised, heard: Instant::now(), wait: Self::FIRST_WAIT }
+  }
+
+  /// How long to wait still; zero when it is time to ask again.
+  pub fn rest(&self) -> Duration {
+    self.wait.saturating_sub(self.heard.elapsed())
+  }
+
+  /// It was asked for again. Returns the next wait, or `None` when it was the last time.
+  pub fn repeated(&mut self) -> Option<Duration> {
+    self.wait *= 2;
+    self.heard = Instant::now();
+    (self.wait <= Self::LAST_WAIT).then_some(self.wait)
+  }
+}
 
 #[derive(Debug)] // these are not cloneable, because contained data may be large
 pub(crate) struct RtpsWriterProxy {
@@ -67,6 +102,9 @@ pub(crate) struct RtpsWriterProxy {
 
   pub sent_ack_nack_count: i32,
 
+  /// Kerf: set as long as a timer runs that asks again.
+  pub asked: Option<Asked>,
+
   ack_base: SequenceNumber, // We can ACK everything before this number.
   // ack_base can be increased from N-1 to N, if we receive DATA with SequenceNumber N-1
   // heartbeat(first,last) => ack_base can be increased to first.
@@ -92,6 +130,7 @@ impl RtpsWriterProxy {
       changes: BTreeMap::new(),
       received_heartbeat_count: 0,
       sent_ack_nack_count: 0,
+      asked: None,
       // Sequence numbering must start at 1.
       // Therefore, we can ACK all sequence numbers below 1 even before receiving anything.
       ack_base: SequenceNumber::new(1),
@@ -208,8 +247,18 @@ impl RtpsWriterProxy {
     seqnum < self.ack_base || self.changes.contains_key(&seqnum)
   }
 
+  // Kerf: some of what was asked for has come, so the rest may be under way.
+  pub fn heard(&mut self, seq_num: SequenceNumber) {
+    if let Some(asked) = &mut self.asked {
+      if (asked.advertised.0..=asked.advertised.1).contains(&seq_num) {
+        asked.heard = Instant::now();
+      }
+    }
+  }
+
   // This is used to mark DATA as received.
   pub fn received_changes_add(&mut self, seq_num: SequenceNumber, receive_timestamp: Timestamp) {
+    self.heard(seq_num);
     self.changes.insert(seq_num, Some(receive_timestamp));
 
     // Update deadline tracker
@@ -340,6 +389,7 @@ impl RtpsWriterProxy {
       changes: BTreeMap::new(),
       received_heartbeat_count: 0,
       sent_ack_nack_count: 0,
+      asked: None,
       ack_base: SequenceNumber::default(),
       last_received_sequence_number: SequenceNumber::new(0),
       last_received_timestamp: Timestamp::INVALID,
