@@ -24,6 +24,7 @@ pub mod machine;
 pub mod machine_file;
 pub mod numbers;
 pub mod path;
+pub mod port_word;
 pub mod probing;
 pub mod profile;
 pub mod radius;

@@ -34,6 +34,9 @@ pub struct MachineFile {
     /// Whether the axes can keep pace with the spindle (`SS` in `[NEWOPT:]` of grblHAL), where it is known.
     #[serde(default)]
     pub spindle_sync: Option<bool>,
+    /// Digital inputs and outputs, then analog ones, as `[AUX IO:]` of grblHAL counts them, where it is known.
+    #[serde(default)]
+    pub aux_io: Option<[u8; 4]>,
 }
 
 /// The value of a setting. Some settings of grblHAL are words.

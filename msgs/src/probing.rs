@@ -1,4 +1,4 @@
-//! What the probes of a program have found.
+//! What the probes of a program have found, and what it has read of inputs.
 
 use crate::geometry::Position;
 use serde::{Deserialize, Serialize};
@@ -12,4 +12,13 @@ pub struct ProbeResult {
     pub contact: Position,
     /// Where the tool stands afterwards.
     pub stands: Position,
+}
+
+/// What a run has measured so far, each kind in the order of the run.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Measured {
+    pub probes: Vec<ProbeResult>,
+    /// What M66 has read; -1 where it has waited in vain.
+    #[serde(default)]
+    pub inputs: Vec<i32>,
 }

@@ -7,7 +7,9 @@
 use super::runs::{self, Place, RunOfLine};
 use super::{CompensatedPath, PathEvent, Role};
 use crate::contour::{Action, CoolantMode, Source, SpindleMode};
+use crate::port_word::{PortUse, PortWord};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// The place in a path at which a run begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,7 +35,9 @@ pub enum NoEntry {
     #[error("the start asks for time {occurrence} of a line, and names no line")]
     NoLine { occurrence: u32 },
     /// With one result less, each would be taken for that of the probe before.
-    #[error("line {line} comes after the probe in line {probed}, and the program needs its result")]
+    #[error(
+        "line {line} comes after the probe or M66 in line {probed}, and the program needs its result"
+    )]
     SkippedProbe { line: u32, probed: u32 },
 }
 
@@ -88,7 +92,12 @@ impl CompensatedPath {
             Err(_) => &[],
         };
         let is_stretch = |event: &PathEvent| matches!(event.action, Action::Stretch { .. });
-        let is_probe = |event: &&PathEvent| matches!(event.action, Action::Probe(_));
+        let is_input = |action: &Action| {
+            PortWord::of(action).is_some_and(|it| matches!(it.what, PortUse::Read { .. }))
+        };
+        let is_probe = |event: &&PathEvent| {
+            matches!(event.action, Action::Probe(_)) || is_input(&event.action)
+        };
         match skipped.iter().find(is_probe).filter(|_| self.events.iter().any(is_stretch)) {
             Some(probe) => Err(NoEntry::SkippedProbe { line, probed: probe.source.line }),
             None => entry,
@@ -195,6 +204,7 @@ impl CompensatedPath {
 /// The words that are still in force after these events, in the order to send them.
 pub fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
     let mut slots: [Option<PathEvent>; 7] = [None; 7];
+    let mut outputs: BTreeMap<(bool, u32), PathEvent> = BTreeMap::new();
     for event in events {
         match event.action {
             Action::ChangeTool { .. } => slots[0] = Some(*event),
@@ -207,12 +217,18 @@ pub fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
             Action::Coolant(CoolantMode::Mist) => slots[5] = Some(*event),
             Action::Coolant(CoolantMode::Flood) => slots[6] = Some(*event),
             Action::Coolant(CoolantMode::Off) => (slots[5], slots[6]) = (None, None),
-            _ => {}
+            _ => {
+                if let Some(word) = PortWord::of(&event.action)
+                    && let Some(action) = word.at_once()
+                {
+                    outputs.insert((word.is_analog, word.port), PathEvent { action, ..*event });
+                }
+            }
         }
         if matches!(event.action, Action::ChangeTool { .. }) {
             // The change stops the spindle.
             slots[4] = None;
         }
     }
-    slots.into_iter().flatten().collect()
+    outputs.into_values().chain(slots.into_iter().flatten()).collect()
 }

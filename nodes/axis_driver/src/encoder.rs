@@ -12,6 +12,7 @@ mod arc_lines;
 mod config;
 mod firmware_arc;
 mod further;
+mod port;
 mod probe;
 mod problem;
 mod restart;
@@ -36,6 +37,7 @@ use std::sync;
 use words::{to_grid, write_word};
 
 pub use config::{Board, EncoderConfig, Homing};
+pub use port::Ports;
 pub use problem::{EncodeError, EncodeProblem};
 pub use restart::{StartProblem, start_at};
 pub(crate) use thread::{check_pace, no_spindle_sync, shares};
@@ -81,6 +83,10 @@ pub enum EncoderStep {
     Probe {
         line: EncodedLine,
         probe: Probe,
+    },
+    /// Motion ends, this line waits for an input, and the program goes on.
+    ReadInput {
+        line: EncodedLine,
     },
     /// Motion ends, and what follows is planned from the results of the probes before.
     Stretch {
@@ -458,10 +464,10 @@ fn axis_words(named: AxisSet, start: Position, end: Position) -> (AxisSet, Strin
 }
 
 impl EncoderStep {
-    /// The line that cuts an element, or probes along it.
+    /// The line that is sent for it, if it is one.
     pub fn line(&self) -> Option<&EncodedLine> {
         match self {
-            Self::Line(line) | Self::Probe { line, .. } => Some(line),
+            Self::Line(line) | Self::Probe { line, .. } | Self::ReadInput { line } => Some(line),
             _ => None,
         }
     }

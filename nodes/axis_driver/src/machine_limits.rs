@@ -8,6 +8,7 @@ mod further;
 
 use crate::codes::setting_name;
 use crate::driver::{ControllerSettings, Offset};
+use crate::encoder::Ports;
 use crate::firmware::Firmware;
 use cnc_msgs::contour::work_system;
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
@@ -64,6 +65,8 @@ pub struct MachineLimits {
     pub is_laser: bool,
     /// Whether the axes can keep pace with the spindle, where it is known.
     pub spindle_sync: Option<bool>,
+    /// Outputs and inputs for programs, where it is known.
+    pub ports: Option<Ports>,
     pub offsets: StoredOffsets,
 }
 
@@ -189,6 +192,7 @@ pub fn settings_of_file(file: &MachineFile) -> Result<ControllerSettings, Limits
         axes: axes.to_owned(),
         offsets: offsets?,
         spindle_sync: file.spindle_sync,
+        ports: file.aux_io.map(Ports::from),
         ..ControllerSettings::default()
     })
 }
@@ -257,6 +261,10 @@ impl MachineLimits {
                 // They know no G33.
                 Firmware::Grbl | Firmware::FluidNc => Some(false),
             },
+            ports: match settings.firmware {
+                Firmware::GrblHal => settings.ports,
+                Firmware::Grbl | Firmware::FluidNc => Some(Ports::default()),
+            },
             offsets: StoredOffsets::of(&settings.offsets)?,
         })
     }
@@ -279,6 +287,7 @@ impl MachineLimits {
             spindle_rpm: None,
             is_laser: false,
             spindle_sync: None,
+            ports: None,
             offsets: StoredOffsets::default(),
         }
     }

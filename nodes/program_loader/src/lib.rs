@@ -191,7 +191,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
         findings.push(wrong);
     }
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
-    let (text, results) = probe_results::split(text);
+    let (text, measured) = probe_results::split(text);
     let text = without_filler(text);
     let text = if options.is_single_block { text.trim_ascii_end() } else { text };
     let line_feeds = memchr::memchr_iter(b'\n', text).count();
@@ -221,13 +221,13 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     let stored = section.unwrap_or_default();
     let mut interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
     interpreter.store(&stored, &mut findings);
-    interpreter.take_results(results, options.probes_touch_at);
+    interpreter.take_results(measured, options.probes_touch_at);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
     reader.store(&stored);
     let Read { interpreter, parameters, mut findings, calls, awaits } = reader.read();
     if let Some(source) = awaits {
         findings.begin_block();
-        let message = "what follows needs the result of a probe: it is planned and judged while the run waits here";
+        let message = "what follows needs the result of a probe or of M66: it is planned and judged while the run waits here";
         let help = "to have all of it judged before the run, set the zero where the probe has touched with \
                     G10 L20, and write places as numbers from there";
         findings.push(Finding::warning(Code::Unsupported, source, message).help(help));

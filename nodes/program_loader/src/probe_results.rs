@@ -1,22 +1,23 @@
-//! What the probes of a run have found, appended to the text of its program.
+//! What the probes of a run have found and its M66 have read, appended to the text of its program.
 //!
-//! A program that computes with the result of a probe is planned up to there; when the run has come so
+//! A program that computes with such a result is planned up to there; when the run has come so
 //! far, the results so far are appended, and the same text is read again. So what is planned on is one
 //! text with one hash, as with subroutines and parameter files: it is recorded whole and replayed without
 //! the machine.
 
 use crate::without_filler;
 use cnc_msgs::geometry::Position;
-use cnc_msgs::probing::ProbeResult;
+use cnc_msgs::probing::{Measured, ProbeResult};
 use std::fmt::Write;
 
 /// The line before the results begins so, and goes on with their number.
 const BEGIN: &str = "(results of probes, appended by Kerf: ";
 
-/// The text with these results, in the order of the run, in place of those that it has.
-pub fn with_results(text: &[u8], results: &[ProbeResult]) -> Vec<u8> {
+/// The text with these results, each kind in the order of the run, in place of those that it has.
+pub fn with_results(text: &[u8], Measured { probes, inputs }: &Measured) -> Vec<u8> {
     let (program, _) = split(text);
-    if results.is_empty() {
+    let count = probes.len() + inputs.len();
+    if count == 0 {
         return program.to_vec();
     }
     // What fills the last block of a sender would no longer be at the end.
@@ -24,8 +25,8 @@ pub fn with_results(text: &[u8], results: &[ProbeResult]) -> Vec<u8> {
     if all.last().is_some_and(|&last| last != b'\n') {
         all.push(b'\n');
     }
-    let mut section = format!("{BEGIN}{})\n", results.len());
-    for ProbeResult { has_touched, contact, stands } in results {
+    let mut section = format!("{BEGIN}{count})\n");
+    for ProbeResult { has_touched, contact, stands } in probes {
         let [x, y, z] = contact;
         let _ = write!(
             section,
@@ -35,21 +36,24 @@ pub fn with_results(text: &[u8], results: &[ProbeResult]) -> Vec<u8> {
         let [x, y, z] = stands;
         let _ = writeln!(section, ", stands {x:?} {y:?} {z:?})");
     }
+    for value in inputs {
+        let _ = writeln!(section, "(read {value})");
+    }
     all.extend_from_slice(section.as_bytes());
     all
 }
 
 /// The program, and the results at the end of its text. Something like them that is not whole belongs to
 /// the program.
-pub(crate) fn split(text: &[u8]) -> (&[u8], Vec<ProbeResult>) {
-    section(text).unwrap_or((text, Vec::new()))
+pub(crate) fn split(text: &[u8]) -> (&[u8], Measured) {
+    section(text).unwrap_or((text, Measured::default()))
 }
 
-fn section(text: &[u8]) -> Option<(&[u8], Vec<ProbeResult>)> {
+fn section(text: &[u8]) -> Option<(&[u8], Measured)> {
     // Most programs have none, and end with something else.
     let last = text.strip_suffix(b"\n")?;
     let last = &last[memchr::memrchr(b'\n', last).map_or(0, |at| at + 1)..];
-    if !(last.starts_with(b"(touched ") || last.starts_with(b"(missed ")) {
+    if ![&b"(touched "[..], b"(missed ", b"(read "].iter().any(|word| last.starts_with(word)) {
         return None;
     }
     let at = memchr::memmem::rfind(text, BEGIN.as_bytes())?;
@@ -58,9 +62,17 @@ fn section(text: &[u8]) -> Option<(&[u8], Vec<ProbeResult>)> {
     }
     let mut rows = std::str::from_utf8(&text[at..]).ok()?.lines();
     let count = rows.next()?.strip_prefix(BEGIN)?.strip_suffix(')')?;
-    let results: Option<Vec<ProbeResult>> = rows.map(result).collect();
-    let results = results.filter(|results| count.parse() == Ok(results.len()))?;
-    Some((&text[..at], results))
+    let mut measured = Measured::default();
+    for row in rows {
+        match row.strip_prefix("(read ") {
+            Some(value) => measured.inputs.push(value.strip_suffix(')')?.parse().ok()?),
+            // They come first.
+            None if measured.inputs.is_empty() => measured.probes.push(result(row)?),
+            None => return None,
+        }
+    }
+    let is_whole = count.parse() == Ok(measured.probes.len() + measured.inputs.len());
+    is_whole.then_some((&text[..at], measured))
 }
 
 fn result(row: &str) -> Option<ProbeResult> {
@@ -90,34 +102,48 @@ mod tests {
 
     #[test]
     fn results_are_read_as_they_were_written_and_replaced_as_a_whole() {
-        let results = [found(true, -3.0), found(false, 0.1 + 0.2)];
+        let results = Measured {
+            probes: vec![found(true, -3.0), found(false, 0.1 + 0.2)],
+            inputs: vec![1, -1, 512],
+        };
+        let first = Measured { probes: results.probes[..1].to_vec(), inputs: Vec::new() };
+        let inputs = Measured { probes: Vec::new(), inputs: vec![0] };
         for program in
             ["G38.2 Z-5\nM2\n", "G38.2 Z-5\nM2", "G38.2 Z-5\n\x1A", "G38.2 Z-5\n\0\0", ""]
         {
-            let text = with_results(program.as_bytes(), &results[..1]);
+            let text = with_results(program.as_bytes(), &first);
+            let text = with_results(&text, &inputs);
+            assert_eq!(split(&text).1, inputs);
             let text = with_results(&text, &results);
             let (before, read) = split(&text);
             let filled = without_filler(program.as_bytes());
             assert_eq!(before.trim_ascii_end(), filled.trim_ascii_end());
             assert_eq!(read, results);
-            assert_eq!(with_results(&text, &[]), before);
+            assert_eq!(with_results(&text, &Measured::default()), before);
         }
     }
 
     #[test]
     fn what_only_looks_like_results_belongs_to_the_program() {
-        let whole = String::from_utf8(with_results(b"M2\n", &[found(true, -3.0)])).expect("text");
+        let measured = Measured { probes: vec![found(true, -3.0)], inputs: vec![1] };
+        let whole = String::from_utf8(with_results(b"M2\n", &measured)).expect("text");
         for (from, to) in [
-            (": 1)", ": 2)"),
+            (": 2)", ": 1)"),
             ("-3.0", "inf"),
             (", stands", " stands"),
             ("(touched", "(seen"),
             ("M2\n(results", "M2 (results"),
-            ("-3.01)\n", "-3.01)"),
+            ("(read 1)\n", "(read 1)"),
+            ("(read 1)", "(read 1.5)"),
+            ("(read 1)", "(saw 1)"),
         ] {
             let spoiled = whole.replacen(from, to, 1);
             assert_ne!(spoiled, whole, "{from}");
-            assert_eq!(split(spoiled.as_bytes()), (spoiled.as_bytes(), Vec::new()), "{from}");
+            assert_eq!(
+                split(spoiled.as_bytes()),
+                (spoiled.as_bytes(), Measured::default()),
+                "{from}"
+            );
         }
     }
 }

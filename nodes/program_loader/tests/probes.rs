@@ -3,7 +3,7 @@
 mod common;
 
 use cnc_msgs::contour::{Action, ContourEventKind, Source};
-use cnc_msgs::probing::ProbeResult;
+use cnc_msgs::probing::{Measured, ProbeResult};
 use common::profile;
 use program_loader::canonical::event_text;
 use program_loader::probe_results::with_results;
@@ -25,7 +25,8 @@ fn what_is_planned_as_if_each_probe_touched_somewhere_is_what_a_run_is_planned_f
     let third = second + 3.0 + 0.25 * (-15.0 - second - 3.0);
     let results =
         [[0.0, 0.0, first], [4.0, 0.0, second], [8.0, 0.0, third], [14.0, 0.0, third + 3.0]];
-    let text = with_results(text.as_bytes(), &results.map(touched));
+    let probes = results.map(touched).to_vec();
+    let text = with_results(text.as_bytes(), &Measured { probes, inputs: Vec::new() });
     let measured = load(&text, &profile("rs274"), &options);
     assert!(measured.findings.is_empty(), "{:#?}", measured.findings);
     assert_eq!(measured.contour.events.len(), assumed.contour.events.len());
@@ -41,7 +42,8 @@ const TOUCH: ProbeResult =
     ProbeResult { has_touched: true, contact: [0.0, 0.0, -12.5], stands: [0.0, 0.0, -12.52] };
 
 fn read(program: &str, results: &[ProbeResult]) -> Loaded {
-    let text = with_results(program.as_bytes(), results);
+    let measured = Measured { probes: results.to_vec(), inputs: Vec::new() };
+    let text = with_results(program.as_bytes(), &measured);
     load(&text, &profile("rs274"), &LoadOptions::default())
 }
 
@@ -256,4 +258,59 @@ fn what_is_refused_with_a_result_names_its_line_and_what_is_refused_before_is_sa
     // More results than probes are of another program, and change nothing.
     let loaded = read(&format!("{BEGIN}G0 Z10\nM2\n"), &[TOUCH, TOUCH]);
     assert_eq!(events(&loaded), events(&read(&format!("{BEGIN}G0 Z10\nM2\n"), &[])));
+}
+
+/// The moves of a program whose M66 have read so much, and the line where it waits for more.
+fn with_inputs(program: &str, inputs: &[i32]) -> (Vec<String>, Option<u32>) {
+    let measured = Measured { probes: Vec::new(), inputs: inputs.to_vec() };
+    let text = with_results(format!("G21 G90\n{program}M2\n").as_bytes(), &measured);
+    let loaded = load(&text, &profile("rs274"), &LoadOptions::default());
+    assert!(loaded.is_accepted(), "{program}: {:#?}", loaded.findings);
+    let moves = events(&loaded).into_iter().filter(|it| it.contains(" X")).collect();
+    (moves, loaded.awaits.map(|source| source.line))
+}
+
+#[test]
+fn what_reads_an_input_is_planned_from_its_value() {
+    for (program, inputs, moves, awaits) in [
+        ("M66 P0 L0\nG0 X1\n", &[][..], 1, None),
+        ("M66 P0 L0\nG0 X1\nG0 X#5399\n", &[], 1, Some(4)),
+        ("M66 P0 L0\nG0 X1\nG0 X[#5399+2]\nG0 X#5399\n", &[1], 3, None),
+        // Only the last one counts, and the one before it is not asked for.
+        ("M66 P0 L0\nG0 X1\nM66 P1 L0\nG0 X[#5399+2]\n", &[], 1, Some(5)),
+        ("M66 P0 L0\nG0 X1\nM66 P1 L0\nG0 X[#5399+2]\n", &[0, 1], 2, None),
+        ("M66 P0 L0\n#1=#5399\nM66 P1 L0\nG0 X[#1+2]\n", &[7], 1, None),
+        (
+            "o1 repeat [3]\nM66 P0 L3 Q1\no2 if [#5399 GE 0]\nG0 X#5399\no1 break\no2 endif\no1 endrepeat\n",
+            &[-1],
+            0,
+            Some(4),
+        ),
+        (
+            "o1 repeat [3]\nM66 P0 L3 Q1\no2 if [#5399 GE 0]\nG0 X#5399\no1 break\no2 endif\no1 endrepeat\n",
+            &[-1, 5],
+            1,
+            None,
+        ),
+    ] {
+        let (read, waits) = with_inputs(program, inputs);
+        assert_eq!((read.len(), waits), (moves, awaits), "{program} {inputs:?}: {read:#?}");
+    }
+    let (read, _) = with_inputs("M66 P0 L0\nG0 X1\nG0 X[#5399+2]\nG0 X#5399\n", &[1]);
+    assert!(read[1].contains("X3") && read[2].contains("X1"), "{read:#?}");
+}
+
+#[test]
+fn a_program_may_probe_and_read_inputs() {
+    let program = format!("{BEGIN}M66 P0 L0\nG0 Z[#5063+#5399]\nM2\n");
+    let found = |probes: &[ProbeResult], inputs: &[i32]| {
+        let measured = Measured { probes: probes.to_vec(), inputs: inputs.to_vec() };
+        let text = with_results(program.as_bytes(), &measured);
+        load(&text, &profile("rs274"), &LoadOptions::default())
+    };
+    assert_eq!(found(&[], &[]).awaits.map(|it| it.line), Some(5));
+    let whole = found(&[TOUCH], &[5]);
+    assert!(whole.is_accepted() && whole.awaits.is_none(), "{:#?}", whole.findings);
+    let z = events(&whole).into_iter().rfind(|it| it.contains("Z")).expect("a move");
+    assert!(z.contains("Z-7.5"), "{z}");
 }

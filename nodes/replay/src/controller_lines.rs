@@ -51,9 +51,11 @@ impl Iterator for Lines {
     fn next(&mut self) -> Option<Self::Item> {
         let step = self.0.as_mut()?.next_step()?;
         Some(match step {
-            Ok(EncoderStep::Line(line) | EncoderStep::Probe { line, .. }) => {
-                (line.text, line.source.line)
-            }
+            Ok(
+                EncoderStep::Line(line)
+                | EncoderStep::Probe { line, .. }
+                | EncoderStep::ReadInput { line },
+            ) => (line.text, line.source.line),
             Ok(EncoderStep::ToolChange { tool, source }) => {
                 (format!("tool change to T{tool}"), source.line)
             }
@@ -62,7 +64,7 @@ impl Iterator for Lines {
             }
             Ok(EncoderStep::Home { text, source, .. }) => (text, source.line),
             Ok(EncoderStep::Stretch { source }) => {
-                ("what follows a probe is planned".to_owned(), source.line)
+                ("what follows is planned from what was measured".to_owned(), source.line)
             }
             Ok(EncoderStep::UserFunction { function, source }) => {
                 (format!("the cell does {function}"), source.line)

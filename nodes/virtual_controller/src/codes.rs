@@ -82,6 +82,8 @@ pub enum ErrorCode {
     MaxFeedRateExceeded = 43,
     /// grblHAL: only homing unlocks.
     HomingRequired = 46,
+    /// Words that exclude each other.
+    ValueWordConflict = 48,
     /// grblHAL: a setting above its maximum.
     SettingOutOfRange = 52,
     /// grblHAL: a critical alarm needs a reset first.

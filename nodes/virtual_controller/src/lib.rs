@@ -34,7 +34,7 @@ mod tolerances;
 
 pub use axes::{AXES, Axes, AxisLetters, UnknownAxes, Vector};
 pub use codes::ErrorCode;
-pub use controller::{Build, Controller, Drawn};
+pub use controller::{Build, Controller, Drawn, Switched};
 pub use counts::Counts;
 pub use fault::{ByteFault, Direction, Fault, FaultAction, FaultError, FaultInjector, Trigger};
 pub use firmware::{Firmware, UnknownFirmware};

@@ -2,6 +2,7 @@
 
 mod failed;
 mod judged;
+mod ports;
 mod refused;
 mod stretches;
 

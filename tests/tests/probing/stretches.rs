@@ -7,10 +7,10 @@ use std::time::Duration;
 
 /// Makes what loader and planner make of what the probes have found, and lets the run go on with it.
 fn go_on(line: &mut Line, program: &str, found: &ProbesOfRun) -> Result<String, String> {
-    let text = with_results(program.as_bytes(), &found.results);
+    let text = with_results(program.as_bytes(), &found.measured);
     let text = String::from_utf8(text).expect("text");
     let of = found.revision;
-    let program_id = format!("part with {} results", found.results.len());
+    let program_id = format!("part with {} results", found.measured.probes.len());
     let answer = Ok(program_id.clone());
     line.ask(Command::ProgramContinued { of, answer }).expect("it is heard");
     let path = Arc::new(path(&text));
@@ -21,6 +21,11 @@ fn go_on(line: &mut Line, program: &str, found: &ProbesOfRun) -> Result<String, 
 /// Runs a program to its end; returns the lines that it has waited in.
 fn run(line: &mut Line, program: &str) -> (RunResult, Vec<u32>) {
     line.start(path(program), 0);
+    to_the_end(line, program)
+}
+
+/// The same of a program that is running.
+pub(super) fn to_the_end(line: &mut Line, program: &str) -> (RunResult, Vec<u32>) {
     let mut waited = Vec::new();
     loop {
         line.until("it waits or ends", |line| line.finished.is_some() || !line.probes.is_empty());
@@ -28,8 +33,10 @@ fn run(line: &mut Line, program: &str) -> (RunResult, Vec<u32>) {
             return (line.finished.take().expect("it has ended"), waited);
         };
         let reason = line.state().reason;
-        let wanted =
-            format!("PROBE: what follows is being planned from its result (line {}", found.line);
+        let wanted = format!(
+            "PROBE: what follows is being planned from what was measured (line {}",
+            found.line
+        );
         assert!(reason.starts_with(&wanted), "{reason}");
         waited.push(found.line);
         go_on(line, program, &found).expect("it is taken");
@@ -97,7 +104,7 @@ fn what_does_not_fit_ends_the_run_with_the_reason() {
         line.start(path(&program.replace("Z3", "Z2")), 0);
         line.until("it waits", |line| !line.probes.is_empty());
         let mut found = line.probes.pop().expect("something");
-        found.results[0].stands[2] += change;
+        found.measured.probes[0].stands[2] += change;
         let refusal = go_on(&mut line, &program, &found).expect_err(wanted);
         assert!(refusal.contains(wanted), "{refusal}");
         let result = line.result();
@@ -244,7 +251,7 @@ fn no_run_begins_with_what_the_probes_of_another_have_found() {
     let found = line.probes.pop().expect("something");
     go_on(&mut line, program, &found).expect("it is taken");
     line.result();
-    let text = with_results(program.as_bytes(), &found.results);
+    let text = with_results(program.as_bytes(), &found.measured);
     let request = RunRequest {
         path: Arc::new(path(std::str::from_utf8(&text).expect("text"))),
         check_only: false,

@@ -1,12 +1,12 @@
 //! What the driver gives to the process around it.
 
 use super::answer::Refusal;
-use crate::encoder::UserFunction;
+use crate::encoder::{Ports, UserFunction};
 use crate::firmware::Firmware;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
 use cnc_msgs::machine::MachineState;
-use cnc_msgs::probing::ProbeResult;
+use cnc_msgs::probing::Measured;
 use serde::{Deserialize, Serialize};
 
 /// What to do outside, in order.
@@ -55,15 +55,14 @@ pub struct RunResult {
     pub last_occurrence: u32,
 }
 
-/// What the probes of a run have found so far.
+/// What a run has measured so far.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProbesOfRun {
     pub program_id: String,
     pub revision: u64,
     /// The line that reads a result.
     pub line: u32,
-    /// In the order of the run.
-    pub results: Vec<ProbeResult>,
+    pub measured: Measured,
 }
 
 /// A function of the user that a run waits for.
@@ -129,6 +128,9 @@ pub struct ControllerSettings {
     /// Whether the axes can keep pace with the spindle, where it is known. Not published.
     #[serde(skip)]
     pub spindle_sync: Option<bool>,
+    /// What programs can use, where it is known. Not published.
+    #[serde(skip)]
+    pub ports: Option<Ports>,
 }
 
 /// A stored position: G54 to G59.3, G28, G30, G92, TLO; machine frame, mm and degrees.

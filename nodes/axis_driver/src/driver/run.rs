@@ -7,6 +7,7 @@
 
 mod block;
 pub(super) mod exit;
+mod input;
 pub(super) mod job;
 mod messages;
 mod probe;
@@ -33,7 +34,8 @@ use block::BlockOfLine;
 use cnc_msgs::contour::{Probe, Source};
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::machine::{MachineState, Mode, WAITING_FOR_RECORDER};
-use cnc_msgs::probing::ProbeResult;
+use cnc_msgs::probing::Measured;
+use input::Reading;
 use job::Job;
 use probe::Probing;
 use proof::Proof;
@@ -82,8 +84,7 @@ pub(super) struct ProgramRun {
     /// It is judged by others, before the first words are sent.
     judged_again: Option<Box<WorkplaceCheck>>,
     watch: RunWatch,
-    /// What its probes have found.
-    probed: Vec<ProbeResult>,
+    measured: Measured,
     /// Functions of the user that it has called.
     calls: u32,
 }
@@ -148,6 +149,8 @@ enum Stage {
     },
     /// A node of the cell does something.
     Calling(Calling),
+    /// The controller waits for an input.
+    Reading(Reading),
     /// A block has ended in single block mode.
     BlockEnd(BlockOfLine),
 }
@@ -179,6 +182,10 @@ enum Then {
     /// Plan what follows this block from the results of the probes before.
     Stretch {
         source: Source,
+    },
+    /// Wait for an input with this line.
+    ReadInput {
+        line: EncodedLine,
     },
     /// Have a node of the cell do this.
     UserFunction {
@@ -237,7 +244,7 @@ impl ProgramRun {
             beginning: Beginning::default(),
             judged_again: None,
             watch: RunWatch::default(),
-            probed: Vec::new(),
+            measured: Measured::default(),
             calls: 0,
         }
     }
@@ -375,11 +382,15 @@ impl ProgramRun {
                 state.mode = Mode::Run;
                 let line = self.job.line_of(*source);
                 state.reason =
-                    format!("PROBE: what follows is being planned from its result ({line})");
+                    format!("PROBE: what follows is being planned from what was measured ({line})");
             }
             Stage::Calling(calling) if state.mode == Mode::Idle => {
                 state.mode = Mode::Run;
                 state.reason = self.calling_reason(calling);
+            }
+            Stage::Reading(reading) if state.mode == Mode::Idle => {
+                state.mode = Mode::Run;
+                state.reason = reading.reason(&self.job);
             }
             Stage::Probing(probing) if matches!(state.mode, Mode::Idle | Mode::Run) => {
                 state.mode = Mode::Run;

@@ -13,7 +13,7 @@ use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
 
 /// The longest dwell that is sent, s.
-const DWELL_S_MAX: f64 = 86_400.0;
+pub(super) const DWELL_S_MAX: f64 = 86_400.0;
 
 impl Encoder {
     pub(super) fn encode_action(&mut self, event: &PathEvent) -> Result<(), EncodeProblem> {

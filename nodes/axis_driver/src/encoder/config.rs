@@ -1,5 +1,6 @@
 //! What a controller takes, as far as lines depend on it.
 
+use super::Ports;
 use cnc_msgs::further::FURTHER_LETTERS;
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -61,6 +62,9 @@ pub struct Board {
     /// where they cannot (no `SS` in `[NEWOPT:]`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thread_mm_per_min_max: Option<[Option<f64>; 3]>,
+    /// The outputs and inputs that programs can use.
+    #[serde(default, skip_serializing_if = "Ports::are_none")]
+    pub ports: Ports,
 }
 
 const fn six() -> u8 {
@@ -99,6 +103,7 @@ impl Default for Board {
             work_systems: six(),
             further_axes: 0,
             thread_mm_per_min_max: None,
+            ports: Ports::default(),
         }
     }
 }

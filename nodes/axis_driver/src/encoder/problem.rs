@@ -92,6 +92,15 @@ pub enum EncodeProblem {
          time that one may take"
     )]
     NoUserFunctions { word: String },
+    #[error(
+        "{word} needs {needs}, and this controller has {count} of them, counted from 0: grblHAL says how many it has in \
+         [AUX IO:] of $I"
+    )]
+    NoPort { word: String, needs: String, count: u8 },
+    #[error(
+        "{word} switches when the next motion begins, and none follows: M64, M65 and M68 switch where they stand"
+    )]
+    NoMotionAfter { word: String },
     #[error("this controller has no {word}")]
     Unsupported { word: String },
     #[error("{word} comes after the end of the program in line {end}")]

@@ -22,6 +22,7 @@ use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::{
     CompensatedPath, NoEntry, PathElement, PathEvent, Role, StartInSpan, UnknownAxes, in_force,
 };
+use cnc_msgs::port_word::PortWord;
 use std::sync::Arc;
 
 const Z: AxisSet = AxisSet::from_bits(0b100);
@@ -171,7 +172,10 @@ fn restored(
             }
             Action::SetWorkOffset { by_position: false, .. } => restored.push(*event),
             // It would be in force there, as G96 is.
-            Action::Auxiliary { .. } if UserFunction::of(&event.action).is_none() => {
+            Action::Auxiliary { .. }
+                if UserFunction::of(&event.action).is_none()
+                    && PortWord::of(&event.action).is_none() =>
+            {
                 let (word, at) = (event.action.text(), event.source.line);
                 return Err(StartProblem::MachineFunction { line, word, at });
             }

@@ -2,6 +2,7 @@
 #![allow(clippy::result_large_err, reason = "errors are compared as they are")]
 
 mod arcs;
+mod ports;
 mod read_back;
 
 use super::*;
@@ -55,7 +56,9 @@ fn text_of(step: &EncoderStep) -> String {
         EncoderStep::CheckStart => "(start)".into(),
         EncoderStep::Stretch { .. } => "(stretch)".into(),
         EncoderStep::UserFunction { function, .. } => format!("({function})"),
-        EncoderStep::Probe { line, .. } => format!("({})", line.text),
+        EncoderStep::ReadInput { line } | EncoderStep::Probe { line, .. } => {
+            format!("({})", line.text)
+        }
         EncoderStep::ControllerChange { tool, .. } => format!("(T{tool} by the controller)"),
         EncoderStep::CheckReturn { .. } => "(return)".into(),
         EncoderStep::Home { text, .. } => format!("({text})"),

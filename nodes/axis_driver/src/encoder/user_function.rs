@@ -72,15 +72,11 @@ impl Display for UserFunction {
 }
 
 impl Encoder {
-    /// A word that only the machine understands.
-    pub(super) fn encode_auxiliary(
+    pub(super) fn encode_user_function(
         &mut self,
-        action: &Action,
+        function: UserFunction,
         source: Source,
     ) -> Result<(), EncodeProblem> {
-        let Some(function) = UserFunction::of(action) else {
-            return Err(EncodeProblem::Unsupported { word: action.text() });
-        };
         if !self.config.has_user_functions {
             return Err(EncodeProblem::NoUserFunctions { word: function.to_string() });
         }

@@ -13,6 +13,7 @@ use cnc_msgs::contour::{Action, Source, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes, FurtherMode, further_distance};
 use cnc_msgs::geometry::{Arc, Position};
+use cnc_msgs::port_word::PortWord;
 use std::collections::BTreeMap;
 
 /// A tool of at least this diameter is a cutter and no laser, mm.
@@ -41,8 +42,10 @@ pub(super) struct FunctionCheck {
     /// Of the move that comes next, if it has this source: its pitch, mm.
     pitch: Option<(Source, f64)>,
     first_thread: Option<Source>,
-    /// The first word that the controller does not have.
-    missing: Option<(Source, String)>,
+    /// The first word that the controller does not take, and why.
+    missing: Option<(Source, EncodeProblem)>,
+    /// The first word that needs an output or an input, where it is not known which there are.
+    first_port: Option<(Source, String)>,
     thread: Option<(Source, EncodeProblem)>,
     /// The first whose direction is not known.
     thread_without_way: Option<Source>,
@@ -100,6 +103,7 @@ impl FunctionCheck {
             pitch: None,
             first_thread: None,
             missing: None,
+            first_port: None,
             thread: None,
             thread_without_way: None,
         }
@@ -130,14 +134,26 @@ impl FunctionCheck {
             }
             Action::ChangeTool { tool } => self.tool = tool,
             Action::WorkOffset { system: 7.. } if self.limits.firmware != Firmware::GrblHal => {
-                self.missing.get_or_insert_with(|| (source, action.text()));
+                self.refuse(source, EncodeProblem::Unsupported { word: action.text() });
             }
             Action::Auxiliary { .. } if UserFunction::of(&action).is_none() => {
-                self.missing.get_or_insert_with(|| (source, action.text()));
+                let known = self.limits.ports;
+                match PortWord::of(&action).map(|word| known.map(|it| it.check(&word, &action))) {
+                    Some(Some(Ok(()))) => {}
+                    Some(Some(Err(problem))) => self.refuse(source, problem),
+                    Some(None) => {
+                        self.first_port.get_or_insert_with(|| (source, action.text()));
+                    }
+                    None => self.refuse(source, EncodeProblem::Unsupported { word: action.text() }),
+                }
             }
             Action::SpindleSync { pitch_mm } => self.pitch = Some((source, pitch_mm)),
             _ => {}
         }
+    }
+
+    fn refuse(&mut self, source: Source, problem: EncodeProblem) {
+        self.missing.get_or_insert((source, problem));
     }
 
     pub(super) fn see_move(&mut self, it: &MachineMove) {
@@ -244,9 +260,18 @@ impl FunctionCheck {
         let warn =
             |source, message: String| Finding::warning(Code::MachineSetting, source, message);
         let [min, max] = self.limits.spindle_rpm.unwrap_or_default();
-        if let Some((source, word)) = &self.missing {
-            let text = format!("this controller has no {word}");
-            report.findings.push(Finding::error(Code::MachineSetting, *source, text));
+        if let Some((source, problem)) = &self.missing {
+            report.findings.push(Finding::error(
+                Code::MachineSetting,
+                *source,
+                problem.to_string(),
+            ));
+        }
+        if let Some((source, word)) = &self.first_port {
+            report.not_judged.push(format!(
+                "whether there is what {word} of {} needs: the machine file has no aux_io",
+                place(*source)
+            ));
         }
         if let Some((source, problem)) = &self.thread {
             let text = format!("{problem}; later threads are not looked at");

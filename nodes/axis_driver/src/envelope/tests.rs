@@ -10,6 +10,7 @@ use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::keep_out::{Frame, KeepOutBox};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
+use cnc_msgs::text::Words;
 
 /// A path as a list of blocks; line numbers count them.
 #[derive(Default)]
@@ -460,6 +461,51 @@ fn a_thread_needs_an_encoder_and_axes_that_keep_pace() {
             ..settings(firmware, "", &[])
         };
         assert_eq!(MachineLimits::of(&settings).expect("a machine").spindle_sync, wanted);
+    }
+}
+
+#[test]
+fn outputs_and_inputs_are_those_of_the_board() {
+    let word = |number: f64, words: &str| {
+        let words = Words::new(words).expect("short");
+        let action = Action::Auxiliary { letter: 'M', number, words };
+        Program::default().rapid("X", [10.0, 0.0, 0.0]).act(action)
+    };
+    let of = |firmware, ports: Option<[u8; 4]>| {
+        let settings = crate::driver::ControllerSettings {
+            ports: ports.map(Into::into),
+            ..settings(firmware, "", &[])
+        };
+        MachineLimits::of(&settings).expect("a machine")
+    };
+    for (machine, program, expected) in [
+        (of(Firmware::GrblHal, Some([1, 2, 0, 0])), word(64.0, "P1"), None),
+        (
+            of(Firmware::GrblHal, Some([1, 2, 0, 0])),
+            word(64.0, "P2"),
+            Some("M64 P2 needs digital output 2, and this controller has 2 of them"),
+        ),
+        (
+            of(Firmware::GrblHal, Some([1, 2, 0, 0])),
+            word(66.0, "L0 P1"),
+            Some("M66 L0 P1 needs digital input 1"),
+        ),
+        (of(Firmware::GrblHal, None), word(64.0, "P200"), None),
+        // A file cannot give them to a firmware that has none.
+        (
+            of(Firmware::Grbl, Some([9; 4])),
+            word(68.0, "E0 Q1"),
+            Some("M68 E0 Q1 needs analog output 0"),
+        ),
+        // That of another control is no word for a port.
+        (of(Firmware::GrblHal, Some([9; 4])), word(64.0, ""), Some("this controller has no M64")),
+    ] {
+        let report = judge(&machine, &program, &KeepOut::default());
+        let expected: Vec<_> =
+            expected.map(|text| (Code::MachineSetting, 2, text)).into_iter().collect();
+        check(&report, &expected);
+        let asks = report.not_judged.iter().filter(|it| it.contains("has no aux_io"));
+        assert_eq!(asks.count(), usize::from(machine.ports.is_none()), "{report:?}");
     }
 }
 

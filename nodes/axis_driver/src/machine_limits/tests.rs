@@ -142,6 +142,7 @@ fn a_file_of_another_board_is_named() {
         settings: [(number, SettingValue::Number(1.0))].into(),
         offsets_mm: BTreeMap::new(),
         spindle_sync: None,
+        aux_io: None,
     };
     for (file, message) in [
         (file("marlin", 100), "firmware \"marlin\" is not known; known are grbl, grblHAL, FluidNC"),
@@ -210,6 +211,7 @@ fn a_file_names_its_axes_and_has_a_value_for_each() {
         axes: axes.into(),
         offsets_mm: [("G54".to_owned(), values.to_vec())].into(),
         spindle_sync: None,
+        aux_io: None,
     };
     for (axes, values, further) in [
         ("", &[1.0, 2.0, 3.0][..], Ok("")),

@@ -50,9 +50,9 @@ async fn go_on(
     paths: &Paths,
     found: ProbesOfRun,
 ) {
-    let ProbesOfRun { program_id, revision: of, results, .. } = found;
-    let results = results.iter().map(Into::into).collect();
-    let request = ContinueProgramRequest { program_id, results };
+    let ProbesOfRun { program_id, revision: of, measured, .. } = found;
+    let results = measured.probes.iter().map(Into::into).collect();
+    let request = ContinueProgramRequest { program_id, results, inputs: measured.inputs };
     // It is not sent again by the clock: each copy would be read, and one could come after the run.
     let mut answer = loader.call_within(request.clone(), READ_WITHIN).await;
     if matches!(answer, Err(CallError::Lost { .. })) {

@@ -22,6 +22,8 @@ pub enum Message {
     },
     /// `[NEWOPT:ENUMS,RT+,TC,SED]`: what else the build can do.
     NewOptions(Vec<String>),
+    /// `[AUX IO:2,4,0,1]`: digital inputs and outputs, then analog ones, that programs can use.
+    AuxIo([u8; 4]),
     /// `[AXS:3:XYZ]`: the letters of the axes, in the order of reports.
     Axes(String),
     /// `[SIGNALS:D]`: the inputs that the board has, lettered as in reports.
@@ -106,6 +108,7 @@ impl Message {
                     tools: number(),
                 }
             }
+            "AUX IO" => Self::AuxIo(four_counts(value)?),
             "NEWOPT" => Self::NewOptions(value.split(',').map(str::to_owned).collect()),
             "AXS" => Self::Axes(axis_letters(value)?),
             "SIGNALS" => Self::Signals(value.to_owned()),
@@ -116,7 +119,6 @@ impl Message {
             | "BOARD"
             | "NVS STORAGE"
             | "FREE MEMORY"
-            | "AUX IO"
             | "PLUGIN"
             | "SPINDLE"
             | "MAX STEP RATE"
@@ -149,6 +151,12 @@ impl Message {
             _ => return None,
         })
     }
+}
+
+/// `2,4,0,1`
+fn four_counts(value: &str) -> Option<[u8; 4]> {
+    let counts: Option<Vec<u8>> = value.split(',').map(|count| count.parse().ok()).collect();
+    counts?.try_into().ok()
 }
 
 /// `3:XYZ`

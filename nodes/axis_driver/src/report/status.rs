@@ -103,6 +103,8 @@ pub struct StatusReport {
     pub work_system: Option<u8>,
     /// `H:1`: all axes that have to be are homed. grblHAL, on change.
     pub is_homed: Option<bool>,
+    /// `In:1`: what the last M66 has read, -1 if it has waited in vain. grblHAL, once.
+    pub input: Option<i32>,
     /// `T:2`: the tool in the spindle, as the controller counts. grblHAL, on change.
     pub tool: Option<u32>,
     /// Fields that are not known here: name and values. Among them `TLR`, which says that
@@ -222,6 +224,7 @@ impl StatusReport {
             "H" if matches!(value.split(',').next(), Some("0" | "1")) => {
                 self.is_homed = Some(value.starts_with('1'));
             }
+            "In" if value.parse::<i32>().is_ok() => self.input = value.parse().ok(),
             "T" if value.parse::<u32>().is_ok() => self.tool = value.parse().ok(),
             _ if key.is_empty() => self.others.push((String::new(), field.to_owned())),
             _ => self.others.push((key.to_owned(), value.to_owned())),

@@ -59,7 +59,9 @@ fn text(of: &ControllerSettings) -> String {
     }
     if of.firmware == Firmware::GrblHal.traits().name {
         text += "# whether the spindle has an encoder is not published: true if [NEWOPT:] of $I has SS\n\
-                 # spindle_sync: true\n";
+                 # spindle_sync: true\n\
+                 # outputs and inputs for programs (M62 to M68) are not published: the numbers of [AUX IO:] of $I\n\
+                 # aux_io: [0, 0, 0, 0]\n";
     }
     text += "settings:\n";
     for row in &of.settings {

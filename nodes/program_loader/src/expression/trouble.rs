@@ -67,6 +67,8 @@ pub(crate) enum Trouble {
     CompensatedPosition,
     /// The parameter is the result of a probe.
     Probed,
+    /// The result of M66, which is not there.
+    NotRead,
     /// A parameter whose value this machine does not have.
     NotHere {
         what: String,
@@ -105,6 +107,7 @@ impl Trouble {
             Self::CompensatedPosition => {
                 format!("{quote} cannot be read under cutter radius compensation")
             }
+            Self::NotRead => format!("{quote} is what M66 has read, and none comes before it"),
             Self::Probed => format!("{quote} is the result of a probe, and none comes before it"),
             Self::NotHere { what } => format!("{quote} is {what}"),
         }
@@ -151,6 +154,7 @@ impl Trouble {
                 format!("move {axis} with G90 and G0 or G1 before this block")
             }
             Self::CompensatedPosition => "read it before G41 or G42, or after G40".to_owned(),
+            Self::NotRead => "read an input before this block (M66)".to_owned(),
             Self::Probed => "probe before this block (G38.2)".to_owned(),
             Self::NotHere { .. } => "write the value as a number".to_owned(),
         }

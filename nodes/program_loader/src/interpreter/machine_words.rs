@@ -89,6 +89,9 @@ impl Interpreter<'_> {
             return self.report_at(scene, at, Code::Limit, message, help);
         };
         self.act(Action::Auxiliary { letter: 'M', number: f64::from(number), words });
+        if number == 66 {
+            self.count_input();
+        }
     }
 
     /// Says the overrides that are otherwise now.

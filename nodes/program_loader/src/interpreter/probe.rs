@@ -17,7 +17,7 @@ use cnc_msgs::contour::{Action, MotionClass, Probe, Source};
 use cnc_msgs::finding::Code;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Position, Shape};
-use cnc_msgs::probing::ProbeResult;
+use cnc_msgs::probing::{Measured, ProbeResult};
 use cnc_msgs::units::received_mm;
 use std::cell::Cell;
 use std::sync::Arc;
@@ -30,6 +30,8 @@ const FIRST_RESULT: u32 = 5061;
 pub(super) struct Probes {
     /// Of the run, in its order.
     results: Arc<[ProbeResult]>,
+    /// M66, in the same way.
+    inputs: Inputs,
     /// At which share of its way a probe is taken to touch that has no result.
     touch_at: Option<f64>,
     /// The first block that reads a result which was made up so.
@@ -46,6 +48,24 @@ pub(super) struct Probes {
     is_open: bool,
     /// What is being read needs one.
     is_asked: Cell<bool>,
+}
+
+/// The readings of inputs of a program.
+#[derive(Debug, Clone, Default)]
+struct Inputs {
+    results: Arc<[i32]>,
+    /// M66 so far.
+    count: usize,
+    /// No stretch has begun since the last one.
+    is_open: bool,
+}
+
+impl Inputs {
+    /// `#5399` after the last M66, if it has one.
+    fn value(&self) -> Option<f64> {
+        let last = self.count.checked_sub(1)?;
+        self.results.get(last).map(|value| f64::from(*value))
+    }
 }
 
 impl Interpreter<'_> {
@@ -129,8 +149,30 @@ impl Interpreter<'_> {
 
     /// Takes what the probes of a run have found so far, and at which share of its way each other one is
     /// taken to touch.
-    pub(crate) fn take_results(&mut self, results: Vec<ProbeResult>, touch_at: Option<f64>) {
-        (self.probes.results, self.probes.touch_at) = (results.into(), touch_at);
+    pub(crate) fn take_results(&mut self, measured: Measured, touch_at: Option<f64>) {
+        (self.probes.results, self.probes.touch_at) = (measured.probes.into(), touch_at);
+        self.probes.inputs.results = measured.inputs.into();
+    }
+
+    /// M66: `#5399` is another one.
+    pub(super) fn count_input(&mut self) {
+        self.probes.inputs.count += 1;
+        self.probes.inputs.is_open = true;
+    }
+
+    /// `#5399`.
+    pub(super) fn input_value(&self) -> Result<f64, Trouble> {
+        let Inputs { count, is_open, .. } = self.probes.inputs;
+        if count == 0 {
+            return Err(Trouble::NotRead);
+        }
+        if is_open {
+            if self.modal.compensation.is_selected() {
+                return Err(Trouble::CompensatedPosition);
+            }
+            self.probes.is_asked.set(true);
+        }
+        self.probes.inputs.value().ok_or(Trouble::NotRead)
     }
 
     /// The first block that reads a result which no probe has found.
@@ -240,10 +282,13 @@ impl Interpreter<'_> {
         self.contour.events.truncate(events);
         self.source = source;
         self.probes.is_open = false;
+        self.probes.inputs.is_open = false;
         self.probes.is_asked.set(false);
         let drifting = self.axes.drifting(AxisSet::ALL);
         self.act(Action::Stretch { axes: drifting });
-        if self.probes.values.is_none() {
+        let lacks_probe = self.probes.count > 0 && self.probes.values.is_none();
+        let lacks_input = self.probes.inputs.count > 0 && self.probes.inputs.value().is_none();
+        if lacks_probe || lacks_input {
             return false;
         }
         if self.probes.count > self.probes.results.len() {

@@ -16,7 +16,7 @@ use cnc_msgs::geometry::{AxisSet, Plane};
 type Value = Option<Result<f64, Trouble>>;
 
 /// Parameters of the machine, by their numbers, that a plan cannot know.
-const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 6] = [
+const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 5] = [
     (5021..=5029, "a position in machine coordinates, which is known only while the machine runs"),
     (5081..=5089, "a tool length, which the loader does not know"),
     (
@@ -27,7 +27,6 @@ const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 6] = [
         5221..=5390,
         "a work offset of the machine, which is known only there or from a parameter file",
     ),
-    (5399..=5399, "the result of M66, which is known only while the machine runs"),
     (5401..=5413, "an entry of the tool table, which the loader does not know"),
 ];
 
@@ -57,6 +56,7 @@ impl Interpreter<'_> {
                 Some(Ok(kept.unwrap_or(0.0)))
             }
             5220 => Some(Ok(f64::from(self.modal.work_offset))),
+            5399 => Some(self.input_value()),
             5400 => Some(self.current_tool()),
             5420..=5422 => Some(self.position_of((number - 5420) as usize)),
             5423..=5428 => Some(self.position_of_further((number - 5423) as usize)),

@@ -8,7 +8,7 @@ use crate::load;
 use crate::probe_results::with_results;
 use cnc_msgs::convert::WireError;
 use cnc_msgs::interface::Service;
-use cnc_msgs::probing::ProbeResult;
+use cnc_msgs::probing::{Measured, ProbeResult};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::RunResult;
 use cnc_msgs::wire::cnc_msgs::srv::{
@@ -46,7 +46,9 @@ impl Loader {
         let results: Result<Vec<ProbeResult>, WireError> =
             request.results.iter().map(TryInto::try_into).collect();
         let results = results.or_else(|error| refuse(W::PROGRAM_REFUSED, error))?;
-        let text = with_results(text, &results);
+        let inputs = request.inputs.clone();
+        let measured = Measured { probes: results, inputs };
+        let text = with_results(text, &measured);
         let id = id_of(profile, &text);
         if id == current.program_id {
             return Ok(id);
@@ -56,7 +58,11 @@ impl Loader {
         if let Some(message) = refusal(name, &loaded) {
             return refuse(W::PROGRAM_REFUSED, message);
         }
-        tracing::info!("{name} is read again with {} results of probes", results.len());
+        let Measured { probes, inputs } = &measured;
+        let (probes, inputs) = (probes.len(), inputs.len());
+        tracing::info!(
+            "{name} is read again with {probes} results of probes and {inputs} of inputs"
+        );
         self.remember_left(&first.program_id, &mut loaded);
         let read = self.current(name.clone(), text, profile, loaded);
         self.publish(Current { first: Some(Box::new(first.clone())), ..read });

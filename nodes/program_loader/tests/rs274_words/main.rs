@@ -149,8 +149,8 @@ fn wrong_words_for_the_machine_are_errors_at_their_places() {
         ("T1 M6 M61 Q1\nM2", &[("M61", "M6 and M61 exclude each other in one block")]),
         ("M62 P[0/0]\nM2", &[("/0", "a division by zero")]),
         (
-            "M66 P1 L0\nG0 X#5399\nM2",
-            &[("#5399", "#5399 is the result of M66, which is known only while the machine runs")],
+            "G0 X#5399\nM66 P1 L0\nM2",
+            &[("#5399", "#5399 is what M66 has read, and none comes before it")],
         ),
         (
             "F100 G0 X0 Y20\nT1 M6\nG41 G1 Y0\nX5\nM61 Q2\nX9\nG40 Y9\nM2",

@@ -3,6 +3,7 @@
 //! An action that cannot continue yet stays first in the queue, and all later actions wait: so
 //! the `ok` of a line is withheld.
 
+use super::ports::Waiting;
 use super::{Controller, ControllerState, Drawn, Probing};
 use crate::axes::{AXES, without_others};
 use crate::codes::{Alarm, ErrorCode};
@@ -43,6 +44,8 @@ pub(super) enum Action {
     Dwell {
         left_s: f64,
     },
+    /// M66.
+    AwaitInput(Waiting),
     Spindle(Spindle),
     /// The laser power from the next block on, without a stop.
     Power,
@@ -200,6 +203,7 @@ impl Controller {
                     return Some(action);
                 }
             }
+            Action::AwaitInput(waiting) => return self.await_input(waiting),
             Action::Spindle(spindle) if !is_check => {
                 self.spindle = spindle;
                 self.spindle_rpm = self.parser.spindle_rpm;
@@ -293,6 +297,7 @@ impl Controller {
             }
             Pushed::Queued { comes_late } => {
                 self.counts.blocks_planned += 1;
+                self.plan_outputs();
                 let waited = ran_empty_at_s.map(|at_s| self.instant_s - at_s);
                 if comes_late && waited.is_some_and(|waited_s| waited_s <= UNDERRUN_S) {
                     self.counts.underruns += 1;
@@ -306,6 +311,7 @@ impl Controller {
         self.counts.blocks_discarded += self.planner.len() as u64;
         self.planner.clear(&self.memory.settings);
         self.ran_empty_at_s = None;
+        self.forget_planned_outputs();
         (self.is_threading, self.has_pending_hold) = (false, false);
         if let Some(parking) = self.parking.take() {
             let steps = steps_from_mm(parking.position(), &self.memory.settings);

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::action::Action;
+use super::ports::Waiting;
 use super::{Controller, ControllerState, Door};
 use crate::homing::{HomingStep, position_after_homing};
 use crate::motion::{MotionEvent, steps_from_mm};
@@ -118,9 +119,11 @@ impl Controller {
     fn dwell_left_s(&self) -> Option<f64> {
         let is_running = matches!(self.state, ControllerState::Idle | ControllerState::Run);
         match self.script.front() {
-            Some(Action::Dwell { left_s } | Action::AwaitIndex { left_s, .. }) if is_running => {
-                Some(*left_s)
-            }
+            Some(
+                Action::Dwell { left_s }
+                | Action::AwaitIndex { left_s, .. }
+                | Action::AwaitInput(Waiting { left_s, .. }),
+            ) if is_running => Some(*left_s),
             _ => None,
         }
     }
@@ -211,8 +214,11 @@ impl Controller {
         } else {
             limit
         };
-        if let Some(Action::Dwell { left_s } | Action::AwaitIndex { left_s, .. }) =
-            self.script.front_mut()
+        if let Some(
+            Action::Dwell { left_s }
+            | Action::AwaitIndex { left_s, .. }
+            | Action::AwaitInput(Waiting { left_s, .. }),
+        ) = self.script.front_mut()
             && dwell.is_some()
         {
             *left_s = (*left_s - used).max(0.0);

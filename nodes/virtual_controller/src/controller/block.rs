@@ -19,6 +19,10 @@ impl Controller {
         if let Effect::Thread { pitch, .. } = block.effect {
             self.check_thread(&block, pitch)?;
         }
+        // In the order of the firmware: before the tool and the spindle.
+        if let Some(port) = block.port {
+            self.queue_port(port);
+        }
         self.queue_accessories(&block);
         self.queue_offsets(&block);
         self.queue_motion(&block);

@@ -48,6 +48,7 @@ impl Controller {
         if self.state == ControllerState::Idle && !self.planner.is_empty() {
             self.state = ControllerState::Run;
         }
+        self.switch_planned();
     }
 
     fn line(&mut self, line: Line) {

@@ -11,6 +11,7 @@
 //! - `action`: executes the actions of lines
 //! - `block`: turns a checked block into actions
 //! - `system`: the `$` commands
+//! - `ports`: outputs and inputs for programs
 //! - `parking`: moves the tool away while the door is open
 //! - `report`: everything printed
 //! - `advance`: advances time
@@ -21,6 +22,7 @@ mod block;
 mod foreground;
 mod overrides;
 mod parking;
+mod ports;
 mod realtime;
 mod report;
 mod reset;
@@ -44,6 +46,8 @@ use crate::settings::Settings;
 use action::Action;
 use overrides::OverrideFlags;
 use parking::Parking;
+use ports::Ports;
+pub use ports::Switched;
 use report::Cadence;
 use state::{ControllerState, Door, Probing};
 
@@ -70,6 +74,8 @@ pub struct Build {
     pub has_mist: bool,
     /// The spindle has an encoder, which grblHAL can thread with.
     pub has_spindle_encoder: bool,
+    /// Digital inputs and outputs, then analog ones, that programs of grblHAL can use.
+    pub ports: [u8; 4],
     /// Compile option: `[echo: ]` with each line, before it is executed.
     pub echoes_lines: bool,
 }
@@ -86,6 +92,7 @@ impl Build {
             has_line_numbers: false,
             has_mist: false,
             has_spindle_encoder: false,
+            ports: [0; 4],
             echoes_lines: false,
         }
     }
@@ -171,6 +178,7 @@ pub struct Controller {
     has_pending_hold: bool,
     /// The axes keep pace with the spindle.
     is_threading: bool,
+    ports: Ports,
     /// The interval of automatic reports, as it was at power-up, and when the next one is due.
     report_interval: Option<Duration>,
     report_due: Option<Duration>,
@@ -241,6 +249,7 @@ impl Controller {
             is_torn: false,
             has_pending_hold: false,
             is_threading: false,
+            ports: Ports::default(),
             report_interval: None,
             report_due: None,
             now: Duration::ZERO,
@@ -265,6 +274,7 @@ impl Controller {
             axes,
             has_mist: vocabulary.has_mist || self.build.has_mist,
             has_spindle_sync: vocabulary.has_spindle_sync && self.build.has_spindle_encoder,
+            ports: std::array::from_fn(|kind| vocabulary.ports[kind].min(self.build.ports[kind])),
             ..vocabulary
         }
     }

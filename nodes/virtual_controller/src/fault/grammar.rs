@@ -14,6 +14,7 @@
 //! | `alarm:N` | raises `ALARM:N` as the firmware would |
 //! | `reset` | the supply fails for a moment: banner, position lost |
 //! | `limit:AXIS` `release:AXIS` `cut:AXIS` | closes, releases or disconnects a limit switch |
+//! | `input:N=V` | digital input N of programs becomes V, 0 or 1; `input:EN=V` is analog |
 //! | `door` `close-door` | opens and closes the safety door |
 //! | `close` | the cable is pulled and not plugged in again |
 //! | `vanish:SECONDS` | the cable is pulled; after this time the board is back as another device |
@@ -97,6 +98,15 @@ pub enum FaultAction {
     Release(usize),
     /// The limit switch is disconnected and never closes.
     Cut(usize),
+    /// An input that programs read changes.
+    Input {
+        /// An analog one.
+        is_analog: bool,
+        /// Its number.
+        port: u8,
+        /// What it says now.
+        value: i32,
+    },
     /// The safety door opens.
     Door,
     /// The safety door closes.
@@ -147,7 +157,7 @@ pub enum FaultError {
         "unknown fault action `{0}`; use rx-drop, rx-duplicate, rx-corrupt, rx-digit, tx-drop, \
          tx-duplicate, tx-corrupt, rx-delay:SECONDS, tx-delay:SECONDS, lose-ok, extra-ok, \
          lose-line, extra-line, mute:TEXT, garble:TEXT, silent[:SECONDS], push:TEXT, alarm:N, \
-         reset, limit:AXIS, release:AXIS, cut:AXIS, door, \
+         reset, limit:AXIS, release:AXIS, cut:AXIS, input:N=V, input:EN=V, door, \
          close-door, close, vanish:SECONDS or unplug:SECONDS"
     )]
     Action(String),
@@ -185,7 +195,7 @@ impl FromStr for FaultAction {
         };
         let takes_argument = [
             "rx-delay", "tx-delay", "silent", "push", "alarm", "limit", "release", "cut", "vanish",
-            "unplug", "mute", "garble",
+            "unplug", "mute", "garble", "input",
         ];
         if argument.is_some() && !takes_argument.contains(&name) {
             return Err(unknown());
@@ -226,6 +236,7 @@ impl FromStr for FaultAction {
             "limit" => axis().map(Self::Limit),
             "release" => axis().map(Self::Release),
             "cut" => axis().map(Self::Cut),
+            "input" => argument.and_then(input).ok_or_else(unknown),
             "door" => Ok(Self::Door),
             "close-door" => Ok(Self::CloseDoor),
             "close" => Ok(Self::Close),
@@ -285,6 +296,15 @@ impl FromStr for Fault {
     }
 }
 
+/// `2=1`, or `E0=512`.
+fn input(text: &str) -> Option<FaultAction> {
+    let (port, value) = text.split_once('=')?;
+    let (is_analog, port) = port.strip_prefix('E').map_or((false, port), |port| (true, port));
+    let (port, value) = (port.parse().ok()?, value.parse::<i32>().ok()?);
+    let fits = is_analog || matches!(value, 0 | 1);
+    fits.then_some(FaultAction::Input { is_analog, port, value })
+}
+
 fn seconds(text: &str) -> Option<f64> {
     text.parse::<f64>().ok().filter(|s| s.is_finite() && (0.0..1e9).contains(s))
 }
@@ -324,6 +344,14 @@ mod tests {
             read("mute:Grbl 1.1@time=3").action,
             FaultAction::Line { text: "Grbl 1.1".into(), is_lost: true }
         );
+        assert_eq!(
+            read("input:2=1@time=3").action,
+            FaultAction::Input { is_analog: false, port: 2, value: 1 }
+        );
+        assert_eq!(
+            read("input:E0=-512@time=3").action,
+            FaultAction::Input { is_analog: true, port: 0, value: -512 }
+        );
         assert_eq!(read("alarm:3@line=3").action, FaultAction::Alarm(3));
         assert_eq!(read("push:[MSG:a@b]@time=1").action, FaultAction::Push("[MSG:a@b]".into()));
         assert_eq!(
@@ -360,6 +388,9 @@ mod tests {
             "reset@rate=0.1",
             "rx-drop@line=2",
             "rx-drop@rate=1.5",
+            "input:2@time=1",
+            "input:2=5@time=1",
+            "input:F2=1@time=1",
             "door@time=nan",
             "door@time=inf",
         ] {

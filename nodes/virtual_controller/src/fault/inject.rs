@@ -147,6 +147,9 @@ impl FaultInjector {
             FaultAction::Limit(axis) => self.controller.hold_limit(axis, true),
             FaultAction::Release(axis) => self.controller.hold_limit(axis, false),
             FaultAction::Cut(axis) => self.controller.cut_limit(axis, true),
+            FaultAction::Input { is_analog, port, value } => {
+                self.controller.set_input(is_analog, port, value);
+            }
             FaultAction::Door => self.controller.set_door(true),
             FaultAction::CloseDoor => self.controller.set_door(false),
             FaultAction::Close => self.pull(Cable::Gone),

@@ -66,6 +66,7 @@ pub(super) const VOCABULARY: Vocabulary = Vocabulary {
     has_optional_stop: false,
     has_mist: false,
     has_spindle_sync: false,
+    ports: [0; 4],
     has_bare_circles: false,
     digits: Digits::All,
     arc_precision: ArcPrecision::Single,

@@ -34,6 +34,7 @@ pub(super) static TRAITS: Traits = Traits {
         has_optional_stop: true,
         has_mist: true,
         has_spindle_sync: true,
+        ports: [u8::MAX; 4],
         has_bare_circles: true,
         digits: Digits::Significant,
         arc_precision: ArcPrecision::Double,
@@ -110,7 +111,7 @@ fn build_info(facts: &BuildFacts<'_>) -> Vec<String> {
     let (blocks, bytes) = (facts.blocks_max, facts.receive_buffer_bytes);
     let letters: String = facts.settings.letters().all().iter().collect();
     let count = letters.len();
-    vec![
+    let mut lines = vec![
         format!("[VER:1.1f.20260817:{}]", facts.note),
         format!("[OPT:VNM{parking}{single_axis}{unlocked}+,{blocks},{bytes},{count},0]"),
         format!("[AXS:{count}:{letters}]"),
@@ -120,5 +121,10 @@ fn build_info(facts: &BuildFacts<'_>) -> Vec<String> {
         "[NVS STORAGE:*EEPROM]".into(),
         "[DRIVER:Simulator]".into(),
         "[DRIVER VERSION:260324]".into(),
-    ]
+    ];
+    let [digital_in, digital_out, analog_in, analog_out] = facts.ports;
+    if facts.ports != [0; 4] {
+        lines.push(format!("[AUX IO:{digital_in},{digital_out},{analog_in},{analog_out}]"));
+    }
+    lines
 }

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use crate::axes::AxisLetters;
 use crate::codes::{Alarm, ErrorCode};
-use crate::gcode::{ArcPrecision, Digits};
+use crate::gcode::{ArcPrecision, Digits, PortCounts};
 use crate::line::LineRules;
 use crate::receive::Realtime;
 use crate::settings::Settings;
@@ -186,6 +186,8 @@ pub(crate) struct Vocabulary {
     pub(crate) has_mist: bool,
     /// G33 is known, and does something where the spindle has an encoder.
     pub(crate) has_spindle_sync: bool,
+    /// M62 to M68: the most ports of each kind.
+    pub(crate) ports: PortCounts,
     /// G2 and G3 with a centre and no target are a full circle.
     pub(crate) has_bare_circles: bool,
     /// Which digits of a number are read.
@@ -237,6 +239,7 @@ pub(crate) struct BuildFacts<'a> {
     pub(crate) has_line_numbers: bool,
     pub(crate) has_mist: bool,
     pub(crate) has_spindle_sync: bool,
+    pub(crate) ports: PortCounts,
     pub(crate) blocks_max: usize,
     pub(crate) receive_buffer_bytes: usize,
     pub(crate) settings: &'a Settings,

@@ -7,6 +7,7 @@ use crate::axes::{AXES, Axes, with_others_at_zero};
 use crate::codes::ErrorCode;
 use crate::firmware::Vocabulary;
 use crate::gcode::arc::Arc;
+use crate::gcode::port::{self, PortCommand};
 use crate::gcode::single::{minus, plus, times};
 use crate::gcode::sort::{AxisCommand, GROUPS_OF_JOGS, ToolLength, Words, ZeroGroup, sort};
 use crate::gcode::{CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Units};
@@ -39,6 +40,8 @@ pub(crate) struct Checked {
     pub(crate) flow: Option<Flow>,
     /// M6.
     pub(crate) changes_tool: bool,
+    /// M62 to M68.
+    pub(crate) port: Option<PortCommand>,
 }
 
 impl Checked {
@@ -132,6 +135,10 @@ pub(crate) fn check(
         Some(ZeroGroup::Dwell) => Some(w.take('P').ok_or(ErrorCode::ValueWordMissing)?),
         _ => None,
     };
+    let port = match w.port_word {
+        Some(number) => Some(port::command(&mut w, number, vocabulary.ports)?),
+        None => None,
+    };
     let mut tool_length = state.tool_length;
     match w.tool_length {
         Some(ToolLength::Dynamic) => {
@@ -178,6 +185,7 @@ pub(crate) fn check(
         effect,
         flow: w.flow,
         changes_tool: w.changes_tool,
+        port,
     })
 }
 

@@ -6,6 +6,7 @@
 pub(crate) mod arc;
 mod check;
 mod modal;
+mod port;
 pub(crate) mod single;
 mod sort;
 mod words;
@@ -16,4 +17,5 @@ pub(crate) use modal::{
     Coolant, CoordinateSystems, Distance, FeedMode, Modal, Motion, ParserState, Plane, Spindle,
     Units, system_name,
 };
+pub(crate) use port::{InputWait, Output, PortCommand, PortCounts};
 pub(crate) use words::{Digits, read_number};

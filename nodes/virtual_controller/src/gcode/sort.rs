@@ -6,6 +6,7 @@
 use crate::axes::AxisLetters;
 use crate::codes::ErrorCode;
 use crate::firmware::Vocabulary;
+use crate::gcode::port;
 use crate::gcode::words::words;
 use crate::gcode::{CommandKind, Distance, FeedMode, Flow, Modal, Motion, Plane, Spindle, Units};
 
@@ -46,6 +47,8 @@ pub(super) struct Words {
     pub(super) tool_length: Option<ToolLength>,
     pub(super) flow: Option<Flow>,
     pub(super) changes_tool: bool,
+    /// 62 to 68.
+    pub(super) port_word: Option<i64>,
 }
 
 impl Words {
@@ -101,6 +104,7 @@ const GROUP_M_FLOW: u32 = 20;
 const GROUP_M_TOOL: u32 = 22;
 const GROUP_M_SPINDLE: u32 = 23;
 const GROUP_M_COOLANT: u32 = 24;
+const GROUP_M_PORT: u32 = 25;
 /// Groups 0, 3 and 6 are all that a jog may have.
 pub(super) const GROUPS_OF_JOGS: u32 = 1 | 1 << 3 | 1 << 6;
 
@@ -289,6 +293,10 @@ fn m_word(
         9 => {
             modal.coolant = Default::default();
             GROUP_M_COOLANT
+        }
+        word @ 62..=68 if port::is_known(word, vocabulary.ports) => {
+            w.port_word = Some(word);
+            GROUP_M_PORT
         }
         _ => return Err(ErrorCode::Unsupported),
     };

@@ -57,6 +57,8 @@ pub struct Scenario {
     pub mist: bool,
     /// The spindle has an encoder.
     pub spindle_encoder: bool,
+    /// Digital inputs and outputs, then analog ones, for programs.
+    pub aux_io: [u8; 4],
     /// Built with an echo of each line.
     pub echo: bool,
     /// Bits per second; 0: bytes take no time.
@@ -179,6 +181,7 @@ impl Scenario {
             has_line_numbers: self.line_numbers,
             has_mist: self.mist,
             has_spindle_encoder: self.spindle_encoder,
+            ports: self.aux_io,
             echoes_lines: self.echo,
             ..Build::new(settings)
         }

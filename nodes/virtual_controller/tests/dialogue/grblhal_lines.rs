@@ -392,3 +392,66 @@ fn a_thread_after_a_motion_is_answered_at_its_end() {
     "#]],
     );
 }
+
+// `gcode.c`: M64 switches as soon as it is read, M62 with the next motion, M66 waits and is reported once.
+#[test]
+fn outputs_are_switched_and_inputs_read_on_a_board_that_has_them() {
+    let board = Build { ports: [2, 2, 1, 1], ..hal(&[]) };
+    let script = "
+        $I
+        M64P2
+        bytes \\n
+        M64
+        bytes \\n
+        M66P0
+        bytes \\n
+        M66P0L3
+        bytes \\n
+        M66E0L3Q1
+        bytes \\n
+        M62P1G0X1
+        M68E0Q2.5
+        settle
+        M66P1L3Q1
+        ^?
+        wait 2
+        ^?
+        ^?
+        M66E0L0
+        ^?
+    ";
+    check(
+        board,
+        script,
+        expect![[r#"
+            $I                       [VER:1.1f.20260817:] / [OPT:VNML+,100,1024,3,0] / [AXS:3:XYZ] / [NEWOPT:ENUMS,RT+,TC,SED] / [FIRMWARE:grblHAL] / [SIGNALS:D] / [NVS STORAGE:*EEPROM] / [DRIVER:Simulator] / [DRIVER VERSION:260324] / [AUX IO:2,2,1,1] / ok
+            M64P2                    error:39
+            bytes \n                 ok
+            M64                      error:28
+            bytes \n                 ok
+            M66P0                    error:28
+            bytes \n                 ok
+            M66P0L3                  error:39
+            bytes \n                 ok
+            M66E0L3Q1                error:39
+            bytes \n                 ok
+            M62P1G0X1                ok
+            M68E0Q2.5                ok
+            settle
+            M66P1L3Q1
+            ^?                       <Run|MPos:0.000,0.000,0.000|Bf:99,1023|FS:0,0|Ov:100,100,100|A:|TLR:0>
+            wait 2                   ok
+            ^?                       <Idle|MPos:1.000,0.000,0.000|Bf:100,1023|FS:0,0|WCO:0.000,0.000,0.000|In:-1>
+            ^?                       <Idle|MPos:1.000,0.000,0.000|Bf:100,1023|FS:0,0>
+            M66E0L0                  ok
+            ^?                       <Idle|MPos:1.000,0.000,0.000|Bf:100,1023|FS:0,0|In:0>
+        "#]],
+    );
+    check(
+        hal(&[]),
+        "M64P0",
+        expect![[r#"
+        M64P0                    error:20
+    "#]],
+    );
+}

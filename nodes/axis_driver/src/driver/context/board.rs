@@ -2,7 +2,7 @@
 
 use super::machine::Machine;
 use crate::driver::output::Offset;
-use crate::encoder::Board;
+use crate::encoder::{Board, Ports};
 use crate::firmware::THREAD_SHARE;
 use cnc_msgs::contour::work_system;
 use cnc_msgs::geometry::Position;
@@ -12,6 +12,7 @@ impl Machine {
     pub(in crate::driver) fn forget_board(&mut self) {
         self.offsets.retain(|offset| !offset.name.starts_with("G59."));
         self.has_spindle_sync = false;
+        self.ports = Ports::default();
     }
 
     /// From `$12`, `$32` and `$#`.
@@ -37,6 +38,7 @@ impl Machine {
             thread_mm_per_min_max: self.has_spindle_sync.then(|| {
                 [110, 111, 112].map(|number| setting(number).map(|fastest| fastest * THREAD_SHARE))
             }),
+            ports: self.ports,
         }
     }
 }
@@ -65,6 +67,7 @@ mod tests {
         machine.on_message(&Message::Axes("XYZAC".into()));
         let options = ["RT+", "TC", "SS", "SED"].map(str::to_owned).to_vec();
         machine.on_message(&Message::NewOptions(options));
+        machine.on_message(&Message::AuxIo([2, 4, 0, 1]));
         machine.on_setting(110, "2000");
         machine.on_setting(112, "1000");
         let expected = Board {
@@ -74,6 +77,7 @@ mod tests {
             work_systems: 6,
             further_axes: 0b101,
             thread_mm_per_min_max: Some([Some(1800.0), None, Some(900.0)]),
+            ports: [2, 4, 0, 1].into(),
         };
         assert_eq!(machine.board(), expected);
         for name in ["G59.1", "G59.2", "G59.3"] {
@@ -86,6 +90,7 @@ mod tests {
         machine.forget_board();
         assert_eq!(machine.board().work_systems, 6);
         assert_eq!(machine.board().thread_mm_per_min_max, None);
+        assert_eq!(machine.board().ports, Ports::default());
         machine.on_setting(12, "0");
         assert_eq!(machine.board().arc_tolerance_mm, Board::default().arc_tolerance_mm);
     }

@@ -44,6 +44,7 @@ impl Machine {
             settings: self.reported.iter().map(|(n, value)| (*n, value.clone())).collect(),
             offsets: self.stored_offsets(),
             spindle_sync: Some(self.has_spindle_sync),
+            ports: Some(self.ports),
             ..ControllerSettings::default()
         };
         MachineLimits::of(&settings)

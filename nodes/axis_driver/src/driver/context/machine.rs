@@ -5,7 +5,7 @@ use super::place::PlaceWatch;
 use crate::codes;
 use crate::cycle_time::Speeds;
 use crate::driver::output::Offset;
-use crate::encoder::Homing;
+use crate::encoder::{Homing, Ports};
 use crate::firmware::Firmware;
 use crate::report::{Accessories, ControllerState, Message, ModalWords, StatusReport};
 use cnc_msgs::geometry::Position;
@@ -36,6 +36,9 @@ pub(in crate::driver) struct Machine {
     /// Whether its axes can keep pace with the spindle.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(in crate::driver) has_spindle_sync: bool,
+    /// `[AUX IO:]`; none where it says nothing.
+    #[serde(default, skip_serializing_if = "Ports::are_none")]
+    pub(in crate::driver) ports: Ports,
     #[serde(default)]
     homes_one_by_one: bool,
     planner_blocks: Option<u16>,
@@ -227,6 +230,7 @@ impl Machine {
             Message::NewOptions(options) => {
                 self.has_spindle_sync = options.iter().any(|option| option == "SS");
             }
+            Message::AuxIo(counts) => self.ports = (*counts).into(),
             Message::Offset { name, position, further } => {
                 self.remember(name, *position);
                 self.on_further_offset(name, further);

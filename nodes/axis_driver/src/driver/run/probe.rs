@@ -159,7 +159,7 @@ impl ProgramRun {
             return Some(Exit::abort(error_code::PROBE_FAILED, text));
         };
         let has_touched = probing.has_touched();
-        self.probed.push(ProbeResult { has_touched, contact, stands });
+        self.measured.probes.push(ProbeResult { has_touched, contact, stands });
         let UnknownAxes { until, relative, zeroed } = self.after(probing);
         if let (Some((line, _)), Some((touch, true)), Some(at)) =
             (zeroed, probing.touch, context.machine.machine_position())
@@ -218,7 +218,7 @@ impl ProgramRun {
             program_id: program_id.clone(),
             revision: *revision,
             line: source.line,
-            results: self.probed.clone(),
+            measured: self.measured.clone(),
         }));
     }
 

@@ -257,6 +257,7 @@ impl ProgramRun {
                 }
                 return self.end_probe(context);
             }
+            (Origin::Program { .. }, Stage::Reading(_)) => self.end_waiting(context),
             (Origin::Program { element: Some(element), .. }, _) => {
                 self.job.tracker.on_answer(element);
                 if self.job.is_check() {
@@ -300,6 +301,11 @@ impl ProgramRun {
                     verdict: RunVerdict::aborted(error_code::ALARM, text),
                     next,
                 });
+            }
+            Stage::Reading(_) => {
+                if let Some(exit) = self.read_input(context, since) {
+                    return Some(exit);
+                }
             }
             Stage::Positioning { .. } => {
                 let at = context.machine.work_position()?;
@@ -361,6 +367,7 @@ impl ProgramRun {
             Then::Probe { line, probe } => self.begin_probe(context, line, probe),
             Then::Probed(probing) => return self.after_probe(context, &probing),
             Then::Stretch { source } => self.begin_stretch(context, source),
+            Then::ReadInput { line } => self.begin_reading(context, line),
             Then::UserFunction { function, source } => {
                 return self.call_function(context, function, source);
             }

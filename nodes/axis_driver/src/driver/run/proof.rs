@@ -115,7 +115,11 @@ impl Proof {
                 break;
             }
             match self.encoder.next_step() {
-                Some(Ok(EncoderStep::Line(_) | EncoderStep::Probe { .. })) => self.lines += 1,
+                Some(Ok(
+                    EncoderStep::Line(_)
+                    | EncoderStep::Probe { .. }
+                    | EncoderStep::ReadInput { .. },
+                )) => self.lines += 1,
                 Some(Ok(
                     EncoderStep::ToolChange { .. }
                     | EncoderStep::Home { .. }
@@ -199,7 +203,7 @@ pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) ->
             EncoderStep::Line(EncodedLine { element: Some(_), .. }) | EncoderStep::Probe { .. } => {
                 break;
             }
-            EncoderStep::Line(line) => line.text,
+            EncoderStep::Line(line) | EncoderStep::ReadInput { line } => line.text,
             EncoderStep::Home { text, .. } => text,
             EncoderStep::ToolChange { tool, .. } => format!("the change to T{tool}"),
             EncoderStep::ControllerChange { tool, .. } => format!("M6T{tool}"),

@@ -53,7 +53,9 @@ impl ProgramRun {
         };
         // Where what follows it is in the machine is known when it has been answered.
         let stands = stands && !self.awaits_offset();
-        stands.then(|| self.encoder.next_element() as u64).filter(|count| *count > 0)
+        // Before the first element only what an input says makes another path.
+        let counts = |count: &u64| *count > 0 || self.stretch().is_some();
+        stands.then(|| self.encoder.next_element() as u64).filter(counts)
     }
 
     /// The program that what follows is planned from, where it waits for that; empty until the loader has said.

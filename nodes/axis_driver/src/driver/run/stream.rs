@@ -52,6 +52,7 @@ impl ProgramRun {
                             | EncoderStep::ToolChange { .. }
                             | EncoderStep::ControllerChange { .. }
                             | EncoderStep::Probe { .. }
+                            | EncoderStep::ReadInput { .. }
                             | EncoderStep::Stretch { .. }
                             | EncoderStep::UserFunction { .. }
                             | EncoderStep::CheckStart,
@@ -75,6 +76,7 @@ impl ProgramRun {
                     (Some(Ok(EncoderStep::Probe { line, probe })), _) => {
                         Then::Probe { line, probe }
                     }
+                    (Some(Ok(EncoderStep::ReadInput { line })), _) => Then::ReadInput { line },
                     (Some(Ok(EncoderStep::Stretch { source })), _) => Then::Stretch { source },
                     (Some(Ok(EncoderStep::UserFunction { function, source })), _) => {
                         Then::UserFunction { function, source }

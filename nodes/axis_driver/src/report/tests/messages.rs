@@ -40,10 +40,13 @@ fn a_grblhal_build_describes_itself() {
         ("[DRIVER VERSION:260324]", "DRIVER VERSION", "260324"),
         ("[BOARD:BTT SKR 2]", "BOARD", "BTT SKR 2"),
         ("[MAX STEP RATE:200000 Hz]", "MAX STEP RATE", "200000 Hz"),
-        ("[AUX IO:4,4,0,0]", "AUX IO", "4,4,0,0"),
     ] {
         let (key, value) = (key.to_owned(), value.to_owned());
         assert_eq!(message(line), Message::Build { key, value });
+    }
+    assert_eq!(message("[AUX IO:4,3,0,12]"), Message::AuxIo([4, 3, 0, 12]));
+    for damaged in ["AUX IO:4,3,0", "AUX IO:4,3,0,1,2", "AUX IO:4,3,x,1", "AUX IO:4,300,0,1"] {
+        assert_eq!(message(&format!("[{damaged}]")), Message::Other(damaged.into()));
     }
 }
 

@@ -111,6 +111,7 @@ fn the_fields_that_grblhal_adds_are_read() {
         status("<Run:2|MPos:1.000,2.000,0.000|WCS:G59.3|H:1,7|T:12|TLR:1|D:1|In:-1|AR:200>");
     assert_eq!(report.work_system, Some(9));
     assert_eq!((report.is_homed, report.tool), (Some(true), Some(12)));
+    assert_eq!(report.input, Some(-1));
     // A reference for tool lengths says nothing of a tool length.
     assert_eq!(report.others[0], other("TLR", "1"));
 

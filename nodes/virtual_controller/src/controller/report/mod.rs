@@ -104,6 +104,7 @@ impl Controller {
             has_line_numbers: self.build.has_line_numbers,
             has_mist: self.vocabulary().has_mist,
             has_spindle_sync: self.vocabulary().has_spindle_sync,
+            ports: self.vocabulary().ports,
             blocks_max: self.planner.blocks_max(),
             receive_buffer_bytes: self.build.receive_buffer_bytes(),
             settings: &self.memory.settings,

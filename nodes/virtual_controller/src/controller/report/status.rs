@@ -169,6 +169,9 @@ impl Controller {
         if due.tool_reference {
             text += "|TLR:0";
         }
+        if let Some(result) = self.take_input_result() {
+            text += &format!("|In:{result}");
+        }
         if due.rest {
             text += "|FW:grblHAL";
             if self.state == (ControllerState::Alarm { is_critical: true }) {
