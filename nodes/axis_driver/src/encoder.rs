@@ -31,6 +31,7 @@ use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use firmware_arc::{DrawingFrame, last_place};
 pub(crate) use further::DEGREES_MAX;
 use further::HeldFurther;
+use port::HeldOutput;
 use probe::{motion_words, no_motion};
 use std::collections::VecDeque;
 use std::sync;
@@ -149,6 +150,8 @@ pub struct Encoder {
     start_axes: AxisSet,
     /// S that waits for the line of the next move.
     speed: Option<HeldSpeed>,
+    /// What M62, M63 and M67 switch when the next motion begins.
+    outputs: Vec<HeldOutput>,
     /// A, B, C, U, V and W that wait for the line of their block.
     further: Option<HeldFurther>,
     /// Axes that the next motion moves from wherever they are.
@@ -189,6 +192,7 @@ impl Encoder {
             rest: None,
             start_axes: AxisSet::NONE,
             speed: None,
+            outputs: Vec::new(),
         }
     }
 
@@ -248,7 +252,8 @@ impl Encoder {
                 (_, Some(element)) => {
                     let (index, element) = (self.next_element, *element);
                     self.next_element += 1;
-                    (element.source, self.encode_element(index, &element))
+                    let outputs = self.push_outputs();
+                    (element.source, outputs.and_then(|()| self.encode_element(index, &element)))
                 }
                 (_, None) if self.further.is_some() => {
                     let source = self.further.as_ref().map(|held| held.source).unwrap_or_default();

@@ -228,8 +228,15 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     if let Some(source) = awaits {
         findings.begin_block();
         let message = "what follows needs the result of a probe or of M66: it is planned and judged while the run waits here";
-        let help = "to have all of it judged before the run, set the zero where the probe has touched with \
-                    G10 L20, and write places as numbers from there";
+        let help = match interpreter.has_probed() {
+            true => {
+                "to have all of it judged before the run, set the zero where the probe has touched with \
+                 G10 L20, and write places as numbers from there"
+            }
+            false => {
+                "nothing to do, if that is meant: read no #5399 to have all of it judged before the run"
+            }
+        };
         findings.push(Finding::warning(Code::Unsupported, source, message).help(help));
     }
     if let Some((source, share)) = interpreter.made_up_at().zip(options.probes_touch_at) {

@@ -1,5 +1,6 @@
 //! All that is not motion of the contour, as grbl says it or cannot.
 
+use super::port::begins_motion;
 use super::probe::no_motion;
 use super::words::{to_grid, write_word};
 use super::{
@@ -25,6 +26,9 @@ impl Encoder {
         self.refuse_after_end(&event.action.text())?;
         let goes_along =
             matches!(event.action, Action::Further(FurtherMove { mode: FurtherMode::Along, .. }));
+        if begins_motion(&event.action) {
+            self.push_outputs()?;
+        }
         if !goes_along && !matches!(event.action, Action::SelectTool { .. }) {
             self.push_speed()?;
         }

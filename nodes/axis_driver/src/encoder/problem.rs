@@ -98,6 +98,10 @@ pub enum EncodeProblem {
     )]
     NoPort { word: String, needs: String, count: u8 },
     #[error(
+        "{word}: grblHAL sets whole numbers, and would set {takes}: write a whole number, of the unit that the output has"
+    )]
+    WholeOutput { word: String, takes: i32 },
+    #[error(
         "{word} switches when the next motion begins, and none follows: M64, M65 and M68 switch where they stand"
     )]
     NoMotionAfter { word: String },

@@ -154,6 +154,10 @@ impl Interpreter<'_> {
         self.probes.inputs.results = measured.inputs.into();
     }
 
+    pub(crate) fn has_probed(&self) -> bool {
+        self.probes.count > 0
+    }
+
     /// M66: `#5399` is another one.
     pub(super) fn count_input(&mut self) {
         self.probes.inputs.count += 1;

@@ -104,7 +104,9 @@ pub(super) fn command(
                 return Err(ErrorCode::ValueWordMissing);
             }
             let port = port(e.unwrap_or(0.0), analog_out)?;
-            let output = Output { is_analog: true, port, value: q.unwrap_or(0.0) };
+            // The firmware keeps a whole number.
+            let value = f64::from(q.unwrap_or(0.0) as i32);
+            let output = Output { is_analog: true, port, value };
             Ok(PortCommand::Switch { output, with_motion })
         }
     }
