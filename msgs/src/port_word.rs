@@ -23,8 +23,6 @@ pub enum PortUse {
     },
     /// M66.
     Read {
-        /// L: 0 at once, 1 rises, 2 falls, 3 high, 4 low.
-        mode: u8,
         /// Q: how long it waits at the most; 0 without.
         seconds: f64,
     },
@@ -43,10 +41,7 @@ impl PortWord {
         let port = if port >= 0.0 && port.fract() == 0.0 { port as u32 } else { u32::MAX };
         let with_motion = matches!(number, 62 | 63 | 67);
         let what = match number {
-            66 => PortUse::Read {
-                mode: value('L').map_or(0, |mode| mode as u8),
-                seconds: value('Q').unwrap_or(0.0),
-            },
+            66 => PortUse::Read { seconds: value('Q').unwrap_or(0.0) },
             67 | 68 => PortUse::Switch { value: value('Q')?, with_motion },
             _ => PortUse::Switch { value: f64::from(u8::from(number % 2 == 0)), with_motion },
         };
@@ -63,10 +58,20 @@ impl PortWord {
         Some(Action::Auxiliary { letter: 'M', number, words: Words::new(&words)? })
     }
 
+    /// Whether it is M62, M63 or M67.
+    pub const fn is_with_motion(&self) -> bool {
+        matches!(self.what, PortUse::Switch { with_motion: true, .. })
+    }
+
+    /// Whether it is M66.
+    pub const fn reads(&self) -> bool {
+        matches!(self.what, PortUse::Read { .. })
+    }
+
     /// `digital output 3`
     pub fn name(&self) -> String {
         let kind = if self.is_analog { "analog" } else { "digital" };
-        let way = if matches!(self.what, PortUse::Read { .. }) { "input" } else { "output" };
+        let way = if self.reads() { "input" } else { "output" };
         format!("{kind} {way} {}", self.port)
     }
 }
@@ -90,9 +95,9 @@ mod tests {
             (65.0, "P7", false, 7, switch(0.0, false), "M65 P7"),
             (67.0, "E1 Q-0.5", true, 1, switch(-0.5, true), "M68 E1 Q-0.5"),
             (68.0, "E2 Q2.5", true, 2, switch(2.5, false), "M68 E2 Q2.5"),
-            (66.0, "L3 P0 Q2.5", false, 0, PortUse::Read { mode: 3, seconds: 2.5 }, ""),
-            (66.0, "L0 E1", true, 1, PortUse::Read { mode: 0, seconds: 0.0 }, ""),
-            (66.0, "P2", false, 2, PortUse::Read { mode: 0, seconds: 0.0 }, ""),
+            (66.0, "L3 P0 Q2.5", false, 0, PortUse::Read { seconds: 2.5 }, ""),
+            (66.0, "L0 E1", true, 1, PortUse::Read { seconds: 0.0 }, ""),
+            (66.0, "P2", false, 2, PortUse::Read { seconds: 0.0 }, ""),
         ] {
             let word = read(number, words).expect("one of them");
             assert_eq!(word, PortWord { is_analog, port, what }, "M{number} {words}");

@@ -7,7 +7,7 @@
 use super::runs::{self, Place, RunOfLine};
 use super::{CompensatedPath, PathEvent, Role};
 use crate::contour::{Action, CoolantMode, Source, SpindleMode};
-use crate::port_word::{PortUse, PortWord};
+use crate::port_word::PortWord;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -36,7 +36,7 @@ pub enum NoEntry {
     NoLine { occurrence: u32 },
     /// With one result less, each would be taken for that of the probe before.
     #[error(
-        "line {line} comes after the probe or M66 in line {probed}, and the program needs its result"
+        "line {line} comes after the probe or M66 in line {probed}, and the program goes on from what is measured"
     )]
     SkippedProbe { line: u32, probed: u32 },
 }
@@ -92,9 +92,7 @@ impl CompensatedPath {
             Err(_) => &[],
         };
         let is_stretch = |event: &PathEvent| matches!(event.action, Action::Stretch { .. });
-        let is_input = |action: &Action| {
-            PortWord::of(action).is_some_and(|it| matches!(it.what, PortUse::Read { .. }))
-        };
+        let is_input = |action: &Action| PortWord::of(action).is_some_and(|it| it.reads());
         let is_probe = |event: &&PathEvent| {
             matches!(event.action, Action::Probe(_)) || is_input(&event.action)
         };
@@ -201,8 +199,9 @@ impl CompensatedPath {
     }
 }
 
-/// The words that are still in force after these events, in the order to send them.
-pub fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
+/// The words that are still in force after these events, in the order to send them, before an element. Outputs
+/// follow tool and frame; one that is switched with that element keeps its word.
+pub fn in_force(events: &[PathEvent], element: usize) -> Vec<PathEvent> {
     let mut slots: [Option<PathEvent>; 7] = [None; 7];
     let mut outputs: BTreeMap<(bool, u32), PathEvent> = BTreeMap::new();
     for event in events {
@@ -221,6 +220,8 @@ pub fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
                 if let Some(word) = PortWord::of(&event.action)
                     && let Some(action) = word.at_once()
                 {
+                    let waits = word.is_with_motion() && event.at_element == element;
+                    let action = if waits { event.action } else { action };
                     outputs.insert((word.is_analog, word.port), PathEvent { action, ..*event });
                 }
             }
@@ -230,5 +231,7 @@ pub fn in_force(events: &[PathEvent]) -> Vec<PathEvent> {
             slots[4] = None;
         }
     }
-    outputs.into_values().chain(slots.into_iter().flatten()).collect()
+    let [tool, system, length, others @ ..] = slots;
+    let frame = [tool, system, length].into_iter().flatten();
+    frame.chain(outputs.into_values()).chain(others.into_iter().flatten()).collect()
 }

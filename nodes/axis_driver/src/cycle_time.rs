@@ -9,6 +9,7 @@
 mod chords;
 mod ring;
 
+use crate::encoder::UserFunction;
 use crate::firmware::{THREAD_WAIT_S_MAX, thread_wait_s};
 use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, Known, MachinePath, Step};
@@ -18,6 +19,7 @@ use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, further_distance};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::port_word::PortWord;
 use ring::{Block, Ring};
 
 pub use ring::Speeds;
@@ -256,6 +258,9 @@ impl CycleTime {
                 self.ends_at_rest = true;
                 thread_wait_s(self.rpm).min(THREAD_WAIT_S_MAX)
             }
+            // How long an input or a function lets it wait, nobody knows.
+            Action::Auxiliary { .. } if PortWord::of(&action).is_some() => 0.0,
+            Action::Auxiliary { .. } if UserFunction::of(&action).is_some() => 0.0,
             Action::ChangeTool { .. } => {
                 self.spindle = SpindleMode::Off;
                 0.0

@@ -252,8 +252,7 @@ impl Encoder {
                 (_, Some(element)) => {
                     let (index, element) = (self.next_element, *element);
                     self.next_element += 1;
-                    let outputs = self.push_outputs();
-                    (element.source, outputs.and_then(|()| self.encode_element(index, &element)))
+                    (element.source, self.encode_element(index, &element))
                 }
                 (_, None) if self.further.is_some() => {
                     let source = self.further.as_ref().map(|held| held.source).unwrap_or_default();
@@ -261,7 +260,12 @@ impl Encoder {
                 }
                 (_, None) => match self.speed.as_ref().map(|speed| speed.source) {
                     Some(source) => (source, self.push_speed()),
-                    None => return None,
+                    None => match self.useless_output() {
+                        Some(HeldOutput { word, source, .. }) => {
+                            (source, Err(EncodeProblem::NoMotionAfter { word }))
+                        }
+                        None => return None,
+                    },
                 },
             };
             if let Err(problem) = outcome {
@@ -315,6 +319,7 @@ impl Encoder {
         if axes.is_empty() && further.is_empty() {
             return Ok(());
         }
+        self.push_outputs(element.source)?;
         self.write_motion(&mut text, u8::from(!is_rapid));
         text += if relative.is_empty() { "" } else { "G91" };
         text += &words;

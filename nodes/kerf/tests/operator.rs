@@ -152,7 +152,7 @@ fn a_program_that_computes_with_its_probe_runs_in_stretches_and_probes_anew_each
     machine.folder.file("touch.ngc", program.replace("[#5063/2]", "[#5063/[#5063+12]]"));
     machine.kerf(&["load", "touch.ngc"]).expect(0);
     machine.kerf(&["run"]).expect(4).says(&[
-        "line 4, pass 2 of the loop in line 2: what follows was not planned from the result of the probe",
+        "line 4, pass 2 of the loop in line 2: what follows was not planned from what was measured",
         "line 6: a division by zero",
     ]);
     machine.kerf(&["jog", "Z0", "--from", "work"]).expect(0);

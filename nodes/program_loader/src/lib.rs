@@ -228,7 +228,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     if let Some(source) = awaits {
         findings.begin_block();
         let message = "what follows needs the result of a probe or of M66: it is planned and judged while the run waits here";
-        let help = match interpreter.has_probed() {
+        let help = match interpreter.waits_for_probe() {
             true => {
                 "to have all of it judged before the run, set the zero where the probe has touched with \
                  G10 L20, and write places as numbers from there"

@@ -390,7 +390,7 @@ impl<'r> Reader<'r> {
             }
             if let Parameter::Numbered(number) = assignment.parameter
                 && !self.rules.dialect.lexer.r_parameters
-                && self.interpreter.set_probe_value(number, assignment.value)
+                && self.interpreter.set_measured(number, assignment.value)
             {
                 continue;
             }

@@ -81,6 +81,7 @@ pub enum ErrorCode {
     /// grblHAL: a thread that is too fast for the axes.
     MaxFeedRateExceeded = 43,
     /// grblHAL: only homing unlocks.
+    RpmOutOfRange = 44,
     HomingRequired = 46,
     /// Words that exclude each other.
     ValueWordConflict = 48,

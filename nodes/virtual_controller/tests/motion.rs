@@ -1,10 +1,10 @@
 //! Axes move as on a real machine: in time, within their limits, exactly to their targets.
 
 mod common;
-use common::{Bench, settings};
+use common::{Bench, settings, settings_of};
 use proptest::prelude::*;
 use std::time::Duration;
-use virtual_controller::{Build, Controller, Vector};
+use virtual_controller::{Build, Controller, Firmware, Switched, Vector};
 
 fn distance(a: Vector, b: Vector) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
@@ -243,4 +243,28 @@ proptest! {
             last = speed;
         }
     }
+}
+
+#[test]
+fn outputs_are_switched_when_their_motion_begins_or_at_once() {
+    let settings = settings_of(Firmware::GrblHal, &[]);
+    let mut bench = Bench::with(Build { ports: [0, 2, 0, 1], ..Build::new(settings) });
+    for line in ["G1X10F600", "M62P0", "M67E0Q2.9", "G1X20", "M64P1", "G1X30", "G4P0"] {
+        bench.send_line(line);
+    }
+    bench.settle();
+    let switched = |bench: &Bench| -> Vec<String> {
+        let text = |it: &Switched| format!("{}={} at {}", it.port, it.value, it.at[0]);
+        bench.controller.switched().iter().map(text).collect()
+    };
+    // M64 is read while the first motion begins; the firmware sets whole numbers.
+    assert_eq!(switched(&bench), ["1=1 at 0", "0=1 at 10", "0=2 at 10"]);
+    // What no motion has begun is forgotten at a reset.
+    bench.send_line("M63P0");
+    bench.controller.receive(bench.now, &[0x18]);
+    for line in ["G1X5F600", "G4P0"] {
+        bench.send_line(line);
+    }
+    bench.settle();
+    assert_eq!(switched(&bench).len(), 3);
 }

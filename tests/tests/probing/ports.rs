@@ -61,7 +61,7 @@ M2
 #[test]
 fn a_run_waits_for_an_input_and_says_what_it_has_read() {
     let mut line = board([2, 0, 1, 0]);
-    line.inject("input:E0=-512");
+    line.inject("input:E0=512");
     line.start(
         path("G21 G90 G94\nG1 X5 F600\nM66 P1 L1 Q60\nM66 E0\nM66 P0 L3 Q1\nG0 X7\nM2\n"),
         0,
@@ -74,7 +74,7 @@ fn a_run_waits_for_an_input_and_says_what_it_has_read() {
     assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?} {:#?}", line.log);
     for said in [
         "line 3: M66L1P1Q60 has read 1",
-        "line 4: M66E0L0 has read -512",
+        "line 4: M66E0L0 has read 512",
         "line 5: M66L3P0Q1 has waited in vain",
     ] {
         assert!(has_said(&line, said), "{said}: {:#?}", line.log);
@@ -195,4 +195,76 @@ M2
     assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?} {:#?}", line.log);
     let expected = ["P0=0 at 10.000", "P1=1 at 10.000", "P2=1 at 10.000", "E0=3 at 10.000"];
     assert_eq!(switched(&line), expected);
+}
+
+#[test]
+fn what_is_switched_with_a_motion_may_wait_for_the_plan_and_never_gets_lost() {
+    // The motion is in the next stretch.
+    let program = "G21 G90\nG0 X1\nM66 P0 L0\nM62 P1\nG0 X[5+#5399]\nM63 P1\nG0 X7\nM2\n";
+    let mut line = board([1, 2, 0, 0]);
+    line.start(path(program), 0);
+    let (result, waited) = to_the_end(&mut line, program);
+    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?} {:#?}", line.log);
+    assert_eq!(waited, [5]);
+    assert_eq!(switched(&line), ["P1=1 at 1.000", "P1=0 at 5.000"]);
+    // An element that moves nothing is no motion.
+    let board = axis_driver::encoder::Board { ports: [0, 1, 0, 0].into(), ..Default::default() };
+    let config = EncoderConfig { board, ..EncoderConfig::default() };
+    let program = "G21 G90\nG0 X1\nM62 P0\nG10 L20 P1 X0\nM2\n";
+    let (mut encoder, _) =
+        start_at(Arc::new(path(program)), config, (0, 0), StartInSpan::Refused).expect("a start");
+    let refused = std::iter::from_fn(|| encoder.next_step()).find_map(Result::err);
+    let refused = refused.expect("a refusal").to_string();
+    assert!(refused.starts_with("line 3: M62 P0 switches when the next motion"), "{refused}");
+}
+
+#[test]
+fn in_single_blocks_an_output_is_switched_in_the_block_of_its_motion() {
+    let mut line = board([0, 1, 0, 0]);
+    line.ask(Command::SetSingleBlock(true)).expect("it is set");
+    line.start(path("G21 G90\nG0 X1\nM62 P0\nG0 X2\nM2\n"), 0);
+    line.until("the first block has ended", |line| line.mode() == Mode::Hold);
+    assert_eq!((line.axes()[0], switched(&line).len()), (START[0] + 1.0, 0));
+    line.ask(Command::Resume).expect("it is resumed");
+    line.until("the next block has ended", |line| {
+        line.mode() == Mode::Hold && line.axes()[0] == START[0] + 2.0
+    });
+    assert_eq!(switched(&line), ["P0=1 at 1.000"]);
+}
+
+#[test]
+fn a_check_in_the_controller_switches_nothing() {
+    let settings = Settings::small_router_of(Firmware::GrblHal);
+    let build =
+        Build { ports: [1, 1, 0, 0], start_in_machine: Some(START), ..Build::new(settings) };
+    let config = DriverConfig { check_in_controller: true, ..DriverConfig::default() };
+    let mut line = Line::new(config, build, &[]);
+    line.until("idle", |line| line.mode() == Mode::Idle);
+    line.zero_here();
+    line.ask(Command::RunProgram(RunRequest {
+        program_id: "part".into(),
+        revision: 1,
+        path: Arc::new(path("G21 G90\nG0 X1\nM64 P0\nG0 X2\nM2\n")),
+        start_line: 0,
+        occurrence: 0,
+        in_span: StartInSpan::default(),
+        check_only: true,
+        tool_diameters_mm: Default::default(),
+    }))
+    .expect("it is checked");
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded, "{:#?}", line.log);
+    assert!(switched(&line).is_empty());
+}
+
+#[test]
+fn what_an_input_has_said_is_asked_for_again_if_it_was_lost() {
+    let mut line = board([1, 0, 0, 0]);
+    line.inject("input:0=1");
+    line.inject("mute:|In:");
+    let then = line.now;
+    let result = line.run(path("G21 G90\nM66 P0 L3 Q1\nG0 X2\nM2\n"));
+    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?} {:#?}", line.log);
+    assert!(has_said(&line, "line 2: M66L3P0Q1 has read 1"), "{:#?}", line.log);
+    let asked = line.written.iter().filter(|(at, bytes)| *at >= then && bytes.contains(&0x87));
+    assert_eq!(asked.count(), 1);
 }

@@ -10,7 +10,8 @@ fn go_on(line: &mut Line, program: &str, found: &ProbesOfRun) -> Result<String, 
     let text = with_results(program.as_bytes(), &found.measured);
     let text = String::from_utf8(text).expect("text");
     let of = found.revision;
-    let program_id = format!("part with {} results", found.measured.probes.len());
+    let count = found.measured.probes.len() + found.measured.inputs.len();
+    let program_id = format!("part with {count} results");
     let answer = Ok(program_id.clone());
     line.ask(Command::ProgramContinued { of, answer }).expect("it is heard");
     let path = Arc::new(path(&text));
@@ -33,11 +34,9 @@ pub(super) fn to_the_end(line: &mut Line, program: &str) -> (RunResult, Vec<u32>
             return (line.finished.take().expect("it has ended"), waited);
         };
         let reason = line.state().reason;
-        let wanted = format!(
-            "PROBE: what follows is being planned from what was measured (line {}",
-            found.line
-        );
-        assert!(reason.starts_with(&wanted), "{reason}");
+        let wanted =
+            format!(": what follows is being planned from what was measured (line {}", found.line);
+        assert!(reason.contains(&wanted), "{reason}");
         waited.push(found.line);
         go_on(line, program, &found).expect("it is taken");
     }
@@ -230,7 +229,7 @@ fn a_run_whose_plan_does_not_come_ends_with_its_line() {
     );
     assert!(
         result.message.contains(
-            "line 3: what follows was not planned from the result of the probe: the loader has not"
+            "line 3: what follows was not planned from what was measured: the loader has not"
         ),
         "{result:?}"
     );

@@ -6,6 +6,7 @@ use crate::machine_limits::tests::settings;
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
+use cnc_msgs::text::Words;
 
 /// 500 mm/s² on X and Y, 5000 mm/min.
 fn limits(changes: &[(u16, f64)]) -> MachineLimits {
@@ -110,6 +111,14 @@ fn pauses_and_stops_count_once() {
     check(&limits(&[]), &stops, 2.0 + 0.04 + 99.8 / 10.0);
     stops.events.push(event(1, Action::SpindleSpeed { rpm: 2_000.0 }));
     check(&limits(&[]), &stops, 2.0 + 0.08 + 99.6 / 10.0);
+    // The machine stops where an output is switched; what another control calls so changes nothing.
+    let mut switches = stops.clone();
+    let port = |words| Action::Auxiliary { letter: 'M', number: 64.0, words };
+    switches.events.truncate(4);
+    switches.events.push(event(1, port(Words::EMPTY)));
+    check(&limits(&[]), &switches, 2.0 + 0.04 + 99.8 / 10.0);
+    switches.events.push(event(1, port(Words::new("P1").expect("short"))));
+    check(&limits(&[]), &switches, 2.0 + 0.08 + 99.6 / 10.0);
     // A laser goes on.
     check(&limits(&[(32, 1.0)]), &stops, 2.0 + 0.04 + 99.8 / 10.0);
     stops.events.push(event(2, Action::Dwell { seconds: 1.5 }));

@@ -346,6 +346,15 @@ impl ProgramRun {
         }
     }
 
+    /// Why it waits, where that is for something else than the machine.
+    fn waits_for_others(&self) -> Option<String> {
+        match &self.stage {
+            Stage::Calling(calling) => Some(self.calling_reason(calling)),
+            Stage::Reading(reading) => Some(reading.reason(&self.job)),
+            _ => None,
+        }
+    }
+
     /// Adds to the state what the run knows.
     pub(super) fn compose_mode(&self, state: &mut MachineState, is_machine_held: bool) {
         state.compensation = self.job.compensation();
@@ -381,16 +390,14 @@ impl ProgramRun {
             {
                 state.mode = Mode::Run;
                 let line = self.job.line_of(*source);
-                state.reason =
-                    format!("PROBE: what follows is being planned from what was measured ({line})");
+                let word = if self.measured.probes.is_empty() { "INPUT" } else { "PROBE" };
+                state.reason = format!(
+                    "{word}: what follows is being planned from what was measured ({line})"
+                );
             }
-            Stage::Calling(calling) if state.mode == Mode::Idle => {
+            Stage::Calling(_) | Stage::Reading(_) if state.mode == Mode::Idle => {
                 state.mode = Mode::Run;
-                state.reason = self.calling_reason(calling);
-            }
-            Stage::Reading(reading) if state.mode == Mode::Idle => {
-                state.mode = Mode::Run;
-                state.reason = reading.reason(&self.job);
+                state.reason = self.waits_for_others().unwrap_or_default();
             }
             Stage::Probing(probing) if matches!(state.mode, Mode::Idle | Mode::Run) => {
                 state.mode = Mode::Run;
@@ -416,8 +423,9 @@ impl ProgramRun {
         {
             state.reason.clone_from(reason);
         }
-        if let (Stage::Calling(calling), Mode::Hold | Mode::Door) = (&self.stage, state.mode) {
-            let reason = self.calling_reason(calling);
+        let waits =
+            self.waits_for_others().filter(|_| matches!(state.mode, Mode::Hold | Mode::Door));
+        if let Some(reason) = waits {
             let before = if state.reason.is_empty() { "" } else { "; " };
             state.reason += &format!("{before}{reason}");
         }

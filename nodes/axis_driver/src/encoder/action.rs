@@ -27,7 +27,7 @@ impl Encoder {
         let goes_along =
             matches!(event.action, Action::Further(FurtherMove { mode: FurtherMode::Along, .. }));
         if begins_motion(&event.action) {
-            self.push_outputs()?;
+            self.push_outputs(source)?;
         }
         if !goes_along && !matches!(event.action, Action::SelectTool { .. }) {
             self.push_speed()?;

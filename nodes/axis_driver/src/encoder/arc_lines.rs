@@ -79,6 +79,7 @@ impl Encoder {
         end: Position,
         arc: &Arc,
     ) -> Result<(), EncodeProblem> {
+        self.push_outputs(element.source)?;
         let mut text = self.line_number(index);
         if self.modal.plane != arc.plane {
             self.modal.plane = arc.plane;

@@ -32,8 +32,7 @@ impl Ports {
     /// # Errors
     /// It does not.
     pub(crate) fn check(&self, word: &PortWord, action: &Action) -> Result<(), EncodeProblem> {
-        let is_input = matches!(word.what, PortUse::Read { .. });
-        let count = match (word.is_analog, is_input) {
+        let count = match (word.is_analog, word.reads()) {
             (false, true) => self.digital_in,
             (false, false) => self.digital_out,
             (true, true) => self.analog_in,
@@ -46,6 +45,9 @@ impl Ports {
             PortUse::Switch { value, .. } if value != f64::from(value as i32) => {
                 let (word, takes) = (action.text(), value as i32);
                 Err(EncodeProblem::WholeOutput { word, takes })
+            }
+            PortUse::Read { seconds, .. } if !(0.0..=DWELL_S_MAX).contains(&seconds) => {
+                Err(EncodeProblem::Dwell { value: seconds, max: DWELL_S_MAX })
             }
             _ => Ok(()),
         }
@@ -76,10 +78,7 @@ impl Encoder {
     ) -> Result<(), EncodeProblem> {
         self.config.board.ports.check(word, action)?;
         match word.what {
-            PortUse::Read { seconds, .. } => {
-                if !(0.0..=DWELL_S_MAX).contains(&seconds) {
-                    return Err(EncodeProblem::Dwell { value: seconds, max: DWELL_S_MAX });
-                }
+            PortUse::Read { seconds } => {
                 let mut text = as_sent(action);
                 if !text.contains('L') {
                     text += "L0";
@@ -92,53 +91,56 @@ impl Encoder {
                 Ok(())
             }
             PortUse::Switch { with_motion, .. } => {
-                if with_motion && !self.moves_again() {
-                    return Err(EncodeProblem::NoMotionAfter { word: action.text() });
-                }
-                let text = word.at_once().map(|at_once| as_sent(&at_once));
-                let output = text.map(|text| HeldOutput { text, source });
+                let Some(at_once) = word.at_once() else { return Ok(()) };
+                let text = as_sent(&at_once);
                 if !with_motion {
-                    return self.switch(output.into_iter().collect());
+                    return self.switch(&[text], source);
                 }
-                self.outputs.extend(output);
+                self.outputs.push(HeldOutput { word: action.text(), text, source });
                 Ok(())
             }
         }
     }
 
-    /// Switches what waits for the motion that comes now.
-    pub(super) fn push_outputs(&mut self) -> Result<(), EncodeProblem> {
+    /// Switches what waits for the motion that comes now, as a part of its block.
+    pub(super) fn push_outputs(&mut self, source: Source) -> Result<(), EncodeProblem> {
         let outputs = std::mem::take(&mut self.outputs);
-        self.switch(outputs)
+        let texts: Vec<String> = outputs.into_iter().map(|held| held.text).collect();
+        self.switch(&texts, source)
     }
 
     /// M64 and its like act as soon as they are read, so the motion before has to end first. M62 would not need that, but
     /// what it has not switched yet at a reset is switched at the first motion after it, or crashes the firmware.
     /// The report: docs/upstream/grblhal-output-commands.md.
-    fn switch(&mut self, outputs: Vec<HeldOutput>) -> Result<(), EncodeProblem> {
-        if let Some(first) = outputs.first() {
+    fn switch(&mut self, texts: &[String], source: Source) -> Result<(), EncodeProblem> {
+        if !texts.is_empty() {
             let waits = LineKind::Dwell { milliseconds: 0 };
-            self.push_action("G4P0".into(), waits, false, first.source)?;
+            self.push_action("G4P0".into(), waits, false, source)?;
         }
-        for HeldOutput { text, source } in outputs {
-            self.push_action(text, LineKind::Slow, false, source)?;
+        for text in texts {
+            self.push_action(text.clone(), LineKind::Slow, false, source)?;
         }
         Ok(())
     }
 
-    /// Whether the axes move after the event that is being encoded.
-    fn moves_again(&self) -> bool {
-        self.next_element < self.path.elements.len()
-            || self.path.events[self.next_event..].iter().any(|event| begins_motion(&event.action))
+    /// What waits for a motion at the end of the path, if none can follow: after a stretch one may.
+    pub(super) fn useless_output(&mut self) -> Option<HeldOutput> {
+        let goes_on = matches!(
+            self.path.events.last().map(|event| event.action),
+            Some(Action::Stretch { .. })
+        );
+        self.outputs.pop().filter(|_| !goes_on)
     }
 }
 
 /// An output that is switched when the next motion begins.
 #[derive(Debug, Clone)]
 pub(super) struct HeldOutput {
-    /// `M64P1`
+    /// As the program says it: `M62 P1`.
+    pub(super) word: String,
+    /// As it is sent: `M64P1`.
     text: String,
-    source: Source,
+    pub(super) source: Source,
 }
 
 /// Whether an action is a motion, or the first part of one. G28 and G30 switch no outputs in grblHAL.

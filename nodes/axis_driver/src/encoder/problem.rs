@@ -98,7 +98,8 @@ pub enum EncodeProblem {
     )]
     NoPort { word: String, needs: String, count: u8 },
     #[error(
-        "{word}: grblHAL sets whole numbers, and would set {takes}: write a whole number, of the unit that the output has"
+        "{word}: grblHAL would set {takes} instead: it sets whole numbers from -2147483648 to 2147483647, of the unit that \
+         the output has"
     )]
     WholeOutput { word: String, takes: i32 },
     #[error(

@@ -90,7 +90,7 @@ pub fn start_at(
     encoder.next_element = index;
     encoder.next_event = entry.event;
     let is_left_out = |axes: FurtherAxes| axes.iter().all(|(axis, _)| encoder.leaves_out(axis));
-    let restored = restored(&path.events[..encoder.next_event], line, is_left_out)?;
+    let restored = restored(&path.events[..encoder.next_event], (line, index), is_left_out)?;
     let source_place = path.elements[index].source;
     // Before the first motion the tool is wherever the path expects it, as for the whole.
     let place = match index {
@@ -160,7 +160,7 @@ fn counted(unknown: &UnknownAxes) -> AxisSet {
 /// those in force.
 fn restored(
     events: &[PathEvent],
-    line: u32,
+    (line, element): (u32, usize),
     is_left_out: impl Fn(FurtherAxes) -> bool,
 ) -> Result<Vec<PathEvent>, StartProblem> {
     let mut restored = Vec::new();
@@ -185,7 +185,7 @@ fn restored(
             _ => {}
         }
     }
-    restored.extend(in_force(events));
+    restored.extend(in_force(events, element));
     Ok(restored)
 }
 

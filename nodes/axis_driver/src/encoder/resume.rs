@@ -71,7 +71,7 @@ impl Encoder {
         self.push_action(length, LineKind::Motion, false, source)?;
         // The change has stopped the spindle; a block by hand may have started it.
         self.push_action("M5".into(), LineKind::Slow, false, source)?;
-        let events = in_force(&self.path.events[..self.next_event]);
+        let events = in_force(&self.path.events[..self.next_event], self.next_element);
         let mut is_dry = true;
         for event in events {
             match event.action {

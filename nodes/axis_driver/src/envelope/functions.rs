@@ -44,6 +44,8 @@ pub(super) struct FunctionCheck {
     first_thread: Option<Source>,
     /// The first word that the controller does not take, and why.
     missing: Option<(Source, EncodeProblem)>,
+    /// The last word that switches an output with the next motion, which has not come.
+    held: Option<(Source, EncodeProblem)>,
     /// The first word that needs an output or an input, where it is not known which there are.
     first_port: Option<(Source, String)>,
     thread: Option<(Source, EncodeProblem)>,
@@ -103,6 +105,7 @@ impl FunctionCheck {
             pitch: None,
             first_thread: None,
             missing: None,
+            held: None,
             first_port: None,
             thread: None,
             thread_without_way: None,
@@ -137,8 +140,13 @@ impl FunctionCheck {
                 self.refuse(source, EncodeProblem::Unsupported { word: action.text() });
             }
             Action::Auxiliary { .. } if UserFunction::of(&action).is_none() => {
+                let word = PortWord::of(&action);
+                if word.is_some_and(|it| it.is_with_motion()) {
+                    let word = action.text();
+                    self.held = Some((source, EncodeProblem::NoMotionAfter { word }));
+                }
                 let known = self.limits.ports;
-                match PortWord::of(&action).map(|word| known.map(|it| it.check(&word, &action))) {
+                match word.map(|word| known.map(|it| it.check(&word, &action))) {
                     Some(Some(Ok(()))) => {}
                     Some(Some(Err(problem))) => self.refuse(source, problem),
                     Some(None) => {
@@ -148,6 +156,8 @@ impl FunctionCheck {
                 }
             }
             Action::SpindleSync { pitch_mm } => self.pitch = Some((source, pitch_mm)),
+            // A motion may follow when it is planned on.
+            Action::Stretch { .. } => self.held = None,
             _ => {}
         }
     }
@@ -157,6 +167,7 @@ impl FunctionCheck {
     }
 
     pub(super) fn see_move(&mut self, it: &MachineMove) {
+        self.held = None;
         let along = self.along.take();
         self.has_moved_z |= it.from[2].is_some_and(|from| it.to[2] != Some(from));
         let Some(feed) = it.feed_mm_per_min else { return };
@@ -204,6 +215,7 @@ impl FunctionCheck {
 
     /// A move of A to W.
     pub(super) fn see_further(&mut self, it: &FurtherStep) {
+        self.held = None;
         match it.mode {
             FurtherMode::Along => self.along = Some(*it),
             FurtherMode::Rapid => {}
@@ -260,7 +272,7 @@ impl FunctionCheck {
         let warn =
             |source, message: String| Finding::warning(Code::MachineSetting, source, message);
         let [min, max] = self.limits.spindle_rpm.unwrap_or_default();
-        if let Some((source, problem)) = &self.missing {
+        if let Some((source, problem)) = self.missing.as_ref().or(self.held.as_ref()) {
             report.findings.push(Finding::error(
                 Code::MachineSetting,
                 *source,

@@ -118,7 +118,7 @@ pub fn start(
         calls: path.calls.after(path.elements[entry.element].source),
         warning,
         first: path.elements[entry.element],
-        in_force: in_force(&path.events[..entry.event]),
+        in_force: in_force(&path.events[..entry.event], entry.element),
     })
 }
 

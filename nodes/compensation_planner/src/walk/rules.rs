@@ -281,7 +281,7 @@ fn name(action: &Action) -> String {
         Action::Probe(_) => "a probe".into(),
         Action::SpindleSync { .. } => "a thread (G33, G76)".into(),
         Action::Relative { .. } => "a move from where a probe has ended".into(),
-        Action::Stretch { .. } => "the result of a probe".into(),
+        Action::Stretch { .. } => "the result of a probe or of M66".into(),
         _ => action.text(),
     }
 }

@@ -24,6 +24,8 @@ use std::sync::Arc;
 
 /// `#5061`.
 const FIRST_RESULT: u32 = 5061;
+/// `#5399`.
+const INPUT: u32 = 5399;
 
 /// The probes of a program, and what is known of them.
 #[derive(Debug, Clone, Default)]
@@ -46,8 +48,26 @@ pub(super) struct Probes {
     off: Position,
     /// No stretch has begun since the last probe.
     is_open: bool,
-    /// What is being read needs one.
-    is_asked: Cell<bool>,
+    /// The last stretch needs the result of a probe.
+    waits_for_probe: bool,
+    /// What is being read needs one, for this.
+    is_asked: Cell<Asked>,
+}
+
+/// What a stretch is needed for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Asked {
+    probe: bool,
+    input: bool,
+}
+
+impl Asked {
+    const PROBE: Self = Self { probe: true, input: false };
+    const INPUT: Self = Self { probe: false, input: true };
+
+    const fn and(self, other: Self) -> Self {
+        Self { probe: self.probe || other.probe, input: self.input || other.input }
+    }
 }
 
 /// The readings of inputs of a program.
@@ -58,6 +78,8 @@ struct Inputs {
     count: usize,
     /// No stretch has begun since the last one.
     is_open: bool,
+    /// What the program has set itself since.
+    assigned: Option<f64>,
 }
 
 impl Inputs {
@@ -154,19 +176,24 @@ impl Interpreter<'_> {
         self.probes.inputs.results = measured.inputs.into();
     }
 
-    pub(crate) fn has_probed(&self) -> bool {
-        self.probes.count > 0
+    /// Whether the last stretch waits for the result of a probe.
+    pub(crate) fn waits_for_probe(&self) -> bool {
+        self.probes.waits_for_probe
     }
 
     /// M66: `#5399` is another one.
     pub(super) fn count_input(&mut self) {
         self.probes.inputs.count += 1;
         self.probes.inputs.is_open = true;
+        self.probes.inputs.assigned = None;
     }
 
     /// `#5399`.
     pub(super) fn input_value(&self) -> Result<f64, Trouble> {
-        let Inputs { count, is_open, .. } = self.probes.inputs;
+        let Inputs { count, is_open, assigned, .. } = self.probes.inputs;
+        if let Some(assigned) = assigned {
+            return Ok(assigned);
+        }
         if count == 0 {
             return Err(Trouble::NotRead);
         }
@@ -174,7 +201,7 @@ impl Interpreter<'_> {
             if self.modal.compensation.is_selected() {
                 return Err(Trouble::CompensatedPosition);
             }
-            self.probes.is_asked.set(true);
+            self.ask(Asked::INPUT);
         }
         self.probes.inputs.value().ok_or(Trouble::NotRead)
     }
@@ -186,7 +213,7 @@ impl Interpreter<'_> {
 
     /// `#5061` to `#5070`.
     pub(super) fn probe_value(&self, number: u32) -> Option<Result<f64, Trouble>> {
-        let Probes { count, values, is_open, is_asked, assigned, .. } = &self.probes;
+        let Probes { count, values, is_open, assigned, .. } = &self.probes;
         let index = (number - FIRST_RESULT) as usize;
         if let Some(value) = assigned[index] {
             return Some(Ok(value));
@@ -195,15 +222,20 @@ impl Interpreter<'_> {
             if self.modal.compensation.is_selected() {
                 return Some(Err(Trouble::CompensatedPosition));
             }
-            is_asked.set(true);
+            self.ask(Asked::PROBE);
         }
         let Some(values) = values else { return Some(Err(Trouble::Probed)) };
         let unknown = || Trouble::UnknownPosition { axis: char::from(FURTHER_WORDS[index - 3]) };
         Some(values[index].ok_or_else(unknown))
     }
 
-    /// Gives one of `#5061` to `#5070` a value, until the next probe; whether the number is one of them.
-    pub(crate) fn set_probe_value(&mut self, number: u32, value: f64) -> bool {
+    /// Gives one of `#5061` to `#5070` a value until the next probe, or `#5399` until the next M66; whether the number
+    /// is one of them.
+    pub(crate) fn set_measured(&mut self, number: u32, value: f64) -> bool {
+        if number == INPUT {
+            self.probes.inputs.assigned = Some(value);
+            return true;
+        }
         let index = number.checked_sub(FIRST_RESULT).map(|index| index as usize);
         match index.and_then(|index| self.probes.assigned.get_mut(index)) {
             Some(assigned) => {
@@ -216,14 +248,18 @@ impl Interpreter<'_> {
 
     /// Where an axis stands after a probe, in the work frame, mm.
     pub(super) fn measured(&self, axis: usize) -> Option<f64> {
-        self.probes.is_asked.set(true);
+        self.ask(Asked::PROBE);
         self.probes.values.map(|_| self.axes.position[axis] + self.probes.off[axis])
     }
 
     /// Whether what is being read needs the result of a probe, and no stretch has begun since.
     #[inline]
     pub(crate) fn needs_stretch(&self) -> bool {
-        self.probes.is_asked.get()
+        self.probes.is_asked.get() != Asked::default()
+    }
+
+    fn ask(&self, asked: Asked) {
+        self.probes.is_asked.set(self.probes.is_asked.get().and(asked));
     }
 
     /// A block relies on axes that are not known: whether a stretch before it would give their places.
@@ -231,7 +267,7 @@ impl Interpreter<'_> {
     pub(super) fn asks_for_stretch(&mut self, scene: &Scene<'_>, unknown: AxisSet) -> bool {
         let is_asked = self.axes.drifting(unknown) == unknown && scene.under_compensation.is_none();
         if is_asked {
-            self.probes.is_asked.set(true);
+            self.ask(Asked::PROBE);
             self.request.is_damaged = true;
         }
         is_asked
@@ -267,7 +303,7 @@ impl Interpreter<'_> {
 
     /// No stretch begins, because of an error that has been reported.
     pub(crate) fn forget_stretch(&mut self) {
-        self.probes.is_asked.set(false);
+        self.probes.is_asked.take();
         self.axes.poison(self.axes.drifting(AxisSet::ALL));
     }
 
@@ -276,7 +312,7 @@ impl Interpreter<'_> {
         let events = std::mem::take(&mut self.contour.events);
         *self = state;
         self.contour.events = events;
-        self.probes.is_asked.set(false);
+        self.probes.is_asked.take();
     }
 
     /// Begins a stretch after so many events; whether the results that it needs are there. The place of
@@ -285,20 +321,26 @@ impl Interpreter<'_> {
     pub(crate) fn begin_stretch(&mut self, source: Source, events: usize) -> bool {
         self.contour.events.truncate(events);
         self.source = source;
-        self.probes.is_open = false;
-        self.probes.inputs.is_open = false;
-        self.probes.is_asked.set(false);
+        let asked = match self.probes.is_asked.take() {
+            // The state was restored: a block needs where an axis is that was probed.
+            asked if asked == Asked::default() => Asked::PROBE,
+            asked => asked,
+        };
+        self.probes.waits_for_probe = asked.probe;
+        // A run gives all that was measured so far, and `kerf plan` may have no more than assumptions of probes.
+        self.probes.is_open &= self.probes.values.is_none();
+        self.probes.inputs.is_open &= self.probes.inputs.value().is_none();
         let drifting = self.axes.drifting(AxisSet::ALL);
         self.act(Action::Stretch { axes: drifting });
-        let lacks_probe = self.probes.count > 0 && self.probes.values.is_none();
-        let lacks_input = self.probes.inputs.count > 0 && self.probes.inputs.value().is_none();
+        let lacks_probe = asked.probe && self.probes.values.is_none();
+        let lacks_input = asked.input && self.probes.inputs.value().is_none();
         if lacks_probe || lacks_input {
             return false;
         }
-        if self.probes.count > self.probes.results.len() {
+        if asked.probe && self.probes.count > self.probes.results.len() {
             self.probes.made_up_at.get_or_insert(source);
         }
-        if !drifting.is_empty() {
+        if !drifting.is_empty() && self.probes.values.is_some() {
             let place = std::array::from_fn(|axis| {
                 received_mm(self.axes.position[axis] + self.probes.off[axis])
             });

@@ -18,8 +18,9 @@ pub(super) struct Ports {
     /// Each with the number of the block at whose beginning it is switched, counted from 1.
     planned: VecDeque<(u64, Output)>,
     inputs: BTreeMap<Port, Input>,
-    /// What M66 has read, until it is reported: -1 where it has waited in vain.
+    /// What the last M66 has read: -1 where it has waited in vain.
     result: Option<i32>,
+    is_reported: bool,
     switched: Vec<Switched>,
 }
 
@@ -105,13 +106,14 @@ impl Controller {
             }
             None => -1,
         };
-        self.ports.result = Some(result);
+        (self.ports.result, self.ports.is_reported) = (Some(result), false);
         None
     }
 
-    /// What M66 has read, once.
-    pub(super) fn take_input_result(&mut self) -> Option<i32> {
-        self.ports.result.take()
+    /// What M66 has read, once, and in each report of everything. A number below -1 is in none.
+    pub(super) fn take_input_result(&mut self, everything: bool) -> Option<i32> {
+        let is_reported = std::mem::replace(&mut self.ports.is_reported, true);
+        self.ports.result.filter(|result| *result >= -1 && (everything || !is_reported))
     }
 
     /// A block was planned: what waits for a motion is switched when this one begins.
@@ -142,9 +144,6 @@ impl Controller {
 
     fn switch(&mut self, output: Output) {
         let Output { is_analog, port, value } = output;
-        if self.state == ControllerState::Check {
-            return;
-        }
         let at = self.position();
         if self.ports.switched.len() < SWITCHED_MAX {
             self.ports.switched.push(Switched { is_analog, port, value, at });

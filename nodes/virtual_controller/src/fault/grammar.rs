@@ -301,7 +301,8 @@ fn input(text: &str) -> Option<FaultAction> {
     let (port, value) = text.split_once('=')?;
     let (is_analog, port) = port.strip_prefix('E').map_or((false, port), |port| (true, port));
     let (port, value) = (port.parse().ok()?, value.parse::<i32>().ok()?);
-    let fits = is_analog || matches!(value, 0 | 1);
+    // The firmware reports no number below -1, and takes -1 for a wait in vain.
+    let fits = is_analog && value >= 0 || matches!(value, 0 | 1);
     fits.then_some(FaultAction::Input { is_analog, port, value })
 }
 
@@ -349,8 +350,8 @@ mod tests {
             FaultAction::Input { is_analog: false, port: 2, value: 1 }
         );
         assert_eq!(
-            read("input:E0=-512@time=3").action,
-            FaultAction::Input { is_analog: true, port: 0, value: -512 }
+            read("input:E0=512@time=3").action,
+            FaultAction::Input { is_analog: true, port: 0, value: 512 }
         );
         assert_eq!(read("alarm:3@line=3").action, FaultAction::Alarm(3));
         assert_eq!(read("push:[MSG:a@b]@time=1").action, FaultAction::Push("[MSG:a@b]".into()));
@@ -390,6 +391,7 @@ mod tests {
             "rx-drop@rate=1.5",
             "input:2@time=1",
             "input:2=5@time=1",
+            "input:E2=-5@time=1",
             "input:F2=1@time=1",
             "door@time=nan",
             "door@time=inf",

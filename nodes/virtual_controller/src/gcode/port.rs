@@ -103,7 +103,8 @@ pub(super) fn command(
             if e.is_none() && q.is_none() {
                 return Err(ErrorCode::ValueWordMissing);
             }
-            let port = port(e.unwrap_or(0.0), analog_out)?;
+            // Its code for this is that of a speed.
+            let port = port(e.unwrap_or(0.0), analog_out).map_err(|_| ErrorCode::RpmOutOfRange)?;
             // The firmware keeps a whole number.
             let value = f64::from(q.unwrap_or(0.0) as i32);
             let output = Output { is_analog: true, port, value };

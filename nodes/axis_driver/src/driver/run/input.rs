@@ -16,8 +16,10 @@ pub(super) struct Reading {
     /// As it was sent.
     text: String,
     source: Source,
-    /// When it was answered: a report from then on says what it has read.
+    /// When it was answered: a report from then on says what it has read, once.
     answered: Option<Duration>,
+    /// That report was lost, and another with all fields was asked for.
+    is_asked: bool,
 }
 
 impl Reading {
@@ -31,7 +33,8 @@ impl ProgramRun {
     /// All motion has ended: sends the line.
     pub(super) fn begin_reading(&mut self, context: &mut Context, line: EncodedLine) {
         let EncodedLine { text, kind, element, source, events, .. } = line;
-        self.stage = Stage::Reading(Reading { text: text.clone(), source, answered: None });
+        self.stage =
+            Stage::Reading(Reading { text: text.clone(), source, answered: None, is_asked: false });
         self.job.has_sent = true;
         self.is_alone = true;
         self.watch_line(&text, source);
@@ -50,17 +53,18 @@ impl ProgramRun {
 
     /// Takes a report; the controller was asked for it at `since` or later.
     pub(super) fn read_input(&mut self, context: &mut Context, since: Duration) -> Option<Exit> {
-        let Stage::Reading(reading) = &self.stage else { return None };
+        let Stage::Reading(reading) = &mut self.stage else { return None };
         let answered = reading.answered?;
         let place = self.job.place_of(reading.source);
         let word = &reading.text;
         match context.machine.status.as_ref().and_then(|status| status.input) {
             Some(value) => {
-                let (level, text) = match value {
-                    -1 => (LogLevel::Warn, format!("{place}: {word} has waited in vain")),
-                    value => (LogLevel::Info, format!("{place}: {word} has read {value}")),
+                let (level, said) = match value {
+                    -1 => (LogLevel::Warn, "waited in vain".to_owned()),
+                    value => (LogLevel::Info, format!("read {value}")),
                 };
-                context.log(level, text);
+                context.log(level, format!("{place}: {word} has {said}"));
+                context.link.ask_for_everything(context.machine.reports_too_little());
                 self.measured.inputs.push(value);
                 self.go_on();
                 None
@@ -70,7 +74,14 @@ impl ProgramRun {
                 context.link.ask_status(context.now);
                 None
             }
+            None if !std::mem::replace(&mut reading.is_asked, true) => {
+                reading.answered = Some(context.now);
+                context.link.ask_for_everything(true);
+                context.link.ask_status(context.now);
+                None
+            }
             None => {
+                context.link.ask_for_everything(context.machine.reports_too_little());
                 let text = format!("{place}: the controller did not say what {word} has read");
                 self.job.blamed_line = reading.source.line;
                 Some(Exit::abort(error_code::PROTOCOL, text))

@@ -243,8 +243,7 @@ impl ProgramRun {
     pub(super) fn end_without_plan(&mut self, source: Source, why: &str) -> Exit {
         self.job.blamed_line = source.line;
         let place = self.job.place_of(source);
-        let text =
-            format!("{place}: what follows was not planned from the result of the probe: {why}");
+        let text = format!("{place}: what follows was not planned from what was measured: {why}");
         Exit::abort(error_code::PROBE_FAILED, text)
     }
 

@@ -194,7 +194,8 @@ impl ProgramRun {
             (Origin::Offsets, Stage::Probed { .. } | Stage::Stretch { .. })
         ) && error.is_some()
         {
-            let text = "the controller did not say its offsets: what follows the probe is judged by those before it";
+            let text =
+                "the controller did not say its offsets: what follows is judged by those before it";
             context.log(LogLevel::Warn, text);
         }
         match (&origin, &self.stage) {

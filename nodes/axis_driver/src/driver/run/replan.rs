@@ -89,11 +89,8 @@ impl ProgramRun {
         if let Err(refusal) = request.check(program, self.job.request.revision) {
             return Some(Err(refusal));
         }
-        if let Stage::Calling(calling) = &self.stage {
-            return refused(
-                error_code::BUSY,
-                format!("{}: try again after it", self.calling_reason(calling)),
-            );
+        if let Some(reason) = self.waits_for_others() {
+            return refused(error_code::BUSY, format!("{reason}: try again after it"));
         }
         if self.settled(context.machine.is_held()).is_none() || self.rest.is_some() {
             return refused(error_code::BUSY, NOT_IN_A_HOLD);

@@ -13,6 +13,7 @@ use crate::encoder::EncoderConfig;
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::path::PathEvent;
+use cnc_msgs::port_word::PortWord;
 
 impl RunRequest {
     /// Whether the path is only encoded, so that the machine does not matter.
@@ -21,8 +22,8 @@ impl RunRequest {
         self.check_only && (!context.config.check_in_controller || is_left_out)
     }
 
-    /// Why the controller cannot read the path in its check mode: it would store offsets all the same,
-    /// and where a probe ends it does not know.
+    /// Why the controller cannot read the path in its check mode: it would store offsets and switch outputs
+    /// all the same, and where a probe ends it does not know.
     pub(in crate::driver) fn not_for_check_mode(&self) -> Option<String> {
         let because = |action: &Action| match action {
             Action::SetWorkOffset { .. } | Action::StoreReference { .. } => {
@@ -30,6 +31,9 @@ impl RunRequest {
             }
             Action::Probe(_) => Some("probes nothing there"),
             Action::SpindleSync { .. } => Some("needs a spindle that turns, which none does there"),
+            action if PortWord::of(action).is_some_and(|it| !it.reads()) => {
+                Some("would be switched there, too")
+            }
             _ => None,
         };
         self.path.events.iter().find_map(|event| {
@@ -48,7 +52,7 @@ impl RunRequest {
             .find(is_stretch)
             .or(Some(last).filter(is_stretch).filter(|_| !is_at_end))?;
         let text = format!(
-            "what follows line {} was planned from what the probes of another run have found: load the program again",
+            "what follows line {} was planned from what another run has measured: load the program again",
             found.source.line
         );
         Some(Refusal::new(error_code::START_POSITION, text))

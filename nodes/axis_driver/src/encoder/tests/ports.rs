@@ -12,7 +12,7 @@ fn lines(number: f64, words: &str, moves: bool) -> Result<Vec<String>, String> {
     let board = Board { ports: [2; 4].into(), ..Board::default() };
     let config = EncoderConfig { board, ..EncoderConfig::default() };
     let steps = steps_with(path, config).map_err(|problem| problem.to_string())?;
-    let lines = steps.iter().filter_map(EncoderStep::line).filter(|line| line.source.line == 7);
+    let lines = steps.iter().filter_map(EncoderStep::line).filter(|line| line.element.is_none());
     Ok(lines.map(|line| format!("{} {:?}", line.text, line.kind)).collect())
 }
 
@@ -42,8 +42,13 @@ fn what_the_board_has_not_and_what_would_wait_for_ever_is_refused() {
         (68.0, "E9 Q1", true, "line 7: M68 E9 Q1 needs analog output 9, and this controller"),
         (66.0, "E2 L0", true, "line 7: M66 E2 L0 needs analog input 2, and this controller"),
         (62.0, "P1", false, "line 7: M62 P1 switches when the next motion begins, and none"),
-        (68.0, "E0 Q2.5", true, "line 7: M68 E0 Q2.5: grblHAL sets whole numbers, and would set 2"),
-        (67.0, "E0 Q-1e10", true, "line 7: M67 E0 Q-1e10: grblHAL sets whole numbers"),
+        (
+            68.0,
+            "E0 Q2.5",
+            true,
+            "line 7: M68 E0 Q2.5: grblHAL would set 2 instead: it sets whole numbers",
+        ),
+        (67.0, "E0 Q-1e10", true, "line 7: M67 E0 Q-1e10: grblHAL would set -2147483648 instead"),
         (62.0, "", true, "line 7: this controller has no M62"),
     ] {
         let refused = lines(number, words, moves).expect_err("a refusal");

@@ -169,7 +169,7 @@ impl Controller {
         if due.tool_reference {
             text += "|TLR:0";
         }
-        if let Some(result) = self.take_input_result() {
+        if let Some(result) = self.take_input_result(everything) {
             text += &format!("|In:{result}");
         }
         if due.rest {

@@ -66,7 +66,7 @@ use crate::no_security::SecurityPluginsHandle;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TimedEvent {
   DeadlineMissedCheck,
-  AskAgain { writer: GUID },
+  AskAgain { writer: GUID, heartbeat: i32 },
 }
 
 // Some pieces necessary to construct a reader.
@@ -325,7 +325,7 @@ impl Reader {
         self.handle_requested_deadline_event();
         self.set_requested_deadline_check_timer(); // re-prime timer
       }
-      TimedEvent::AskAgain { writer } => self.ask_again(writer),
+      TimedEvent::AskAgain { writer, heartbeat } => self.ask_again(writer, heartbeat),
     }
   }
 
@@ -598,7 +598,7 @@ impl Reader {
     if !self.like_stateless && self.entity_id() != EntityId::SPDP_BUILTIN_PARTICIPANT_READER {
       match self.matched_writer_mut(writer_guid) {
         Some(writer_proxy) if !writer_proxy.should_ignore_change(seq_num) => {
-          writer_proxy.heard(seq_num);
+          writer_proxy.heard(seq_num, true);
         }
         _ => return,
       }
@@ -949,8 +949,10 @@ impl Reader {
         // See if ACKNACK is needed, and generate one.
         let advertised = (heartbeat.first_sn, heartbeat.last_sn);
         let missing_seqnums = writer_proxy.missing_seqnums(advertised.0, advertised.1);
-        if !missing_seqnums.is_empty() && writer_proxy.asked.replace(Asked::new(advertised)).is_none() {
-          this.set_ask_again_timer(writer_guid, Asked::FIRST_WAIT);
+        writer_proxy.asked = None;
+        // Kerf: the others send a HEARTBEAT soon.
+        if !missing_seqnums.is_empty() && is_fast_dds(writer_guid.prefix) {
+          this.ask_again_later(writer_proxy, Asked::new(heartbeat.count, advertised));
         }
 
         // Interpretation of final flag in RTPS spec
@@ -963,7 +965,7 @@ impl Reader {
         // samples are missing. The response may be delayed to avoid message storms.
         let responds = !missing_seqnums.is_empty() || !final_flag_set;
         if responds {
-          this.send_acknack(writer_proxy, missing_seqnums, mr_state.unicast_reply_locator_list);
+          this.send_acknack(writer_proxy, &missing_seqnums, mr_state.unicast_reply_locator_list);
         }
         responds
       }) // worker fn
@@ -974,7 +976,7 @@ impl Reader {
   fn send_acknack(
     &self,
     writer_proxy: &mut RtpsWriterProxy,
-    missing_seqnums: Vec<SequenceNumber>,
+    missing_seqnums: &[SequenceNumber],
     unicast_reply_locator_list: &[Locator],
   ) {
     // let received_before = writer_proxy.all_ackable_before();
@@ -1103,36 +1105,38 @@ impl Reader {
 
   // Kerf: asks for what is missing as long as it is, and nothing of it came for a while. Else a request or an answer
   // that was lost would be sent again only after the next HEARTBEAT, and Fast DDS takes no notice of a request that
-  // comes before it has noted the sample as sent.
-  fn ask_again(&mut self, writer: GUID) {
+  // comes before it has noted the sample as sent. `heartbeat`: the one that was answered; after a later one this ends.
+  fn ask_again(&mut self, writer: GUID, heartbeat: i32) {
     if !self.matched_writers.contains_key(&writer) {
       return;
     }
     self.with_mutable_writer_proxy(writer, |this, writer_proxy| {
-      let Some(mut asked) = writer_proxy.asked.take() else {
+      let Some(asked) = writer_proxy.asked.take_if(|asked| asked.heartbeat == heartbeat) else {
         return;
       };
       let missing_seqnums = writer_proxy.missing_seqnums(asked.advertised.0, asked.advertised.1);
       if missing_seqnums.is_empty() {
         return;
       }
-      let mut wait = asked.rest();
-      if wait.is_zero() {
-        this.send_acknack(writer_proxy, missing_seqnums, &[]);
-        let Some(next) = asked.repeated() else {
-          return;
-        };
-        wait = next;
+      let next = if asked.rest().is_zero() {
+        this.send_acknack(writer_proxy, &missing_seqnums, &[]);
+        asked.repeated()
+      } else {
+        Some(asked)
+      };
+      if let Some(next) = next {
+        this.ask_again_later(writer_proxy, next);
       }
-      writer_proxy.asked = Some(asked);
-      this.set_ask_again_timer(writer, wait);
     });
   }
 
-  fn set_ask_again_timer(&self, writer: GUID, wait: StdDuration) {
+  fn ask_again_later(&self, writer_proxy: &mut RtpsWriterProxy, asked: Asked) {
     let entity_id = self.my_guid.entity_id;
-    let event = TimedEvent::AskAgain { writer };
-    self.timed_event_timer.borrow_mut().set_timeout(wait, DpTimerEvent::Reader { entity_id, event });
+    let writer = writer_proxy.remote_writer_guid;
+    let event = TimedEvent::AskAgain { writer, heartbeat: asked.heartbeat };
+    let event = DpTimerEvent::Reader { entity_id, event };
+    self.timed_event_timer.borrow_mut().set_timeout(asked.rest(), event);
+    writer_proxy.asked = Some(asked);
   }
 
   pub fn handle_gap_msg(&mut self, gap: &Gap, mr_state: &MessageReceiverState) {
@@ -1518,12 +1522,15 @@ impl Reader {
   }
 } // impl Reader
 
-/// Kerf: what the first ACKNACK to a writer begins with. Fast DDS, whose prefixes begin with its vendor
-/// id, answers 0 at once, and 1 only at its next heartbeat, up to three seconds later. To others 0 is
-/// malformed.
+/// Kerf: what the first ACKNACK to a writer begins with. Fast DDS answers 0 at once, and 1 only at its next
+/// heartbeat, up to three seconds later. To others 0 is malformed.
 fn first_base(writer: GuidPrefix) -> SequenceNumber {
-  const FAST_DDS: [u8; 2] = [0x01, 0x0f];
-  SequenceNumber::new(if writer.bytes.starts_with(&FAST_DDS) { 0 } else { 1 })
+  SequenceNumber::new(if is_fast_dds(writer) { 0 } else { 1 })
+}
+
+/// Kerf: its prefixes begin with its vendor id.
+fn is_fast_dds(writer: GuidPrefix) -> bool {
+  writer.bytes.starts_with(&[0x01, 0x0f])
 }
 
 impl HasQoSPolicy for Reader {
@@ -1872,33 +1879,63 @@ mod tests {
       .expect("Did not find a matched writer");
     assert_eq!(writer_proxy.sent_ack_nack_count, 3);
 
-    // Kerf: 8. Of the three samples one comes. It asks again for the others, and no more when they came.
-    let mut next_event = || loop {
+    // Kerf: 8. It does not ask again, as the vendor sends its HEARTBEAT soon.
+    assert!(writer_proxy.asked.is_none());
+    assert!(timer.borrow_mut().poll().is_none());
+
+    // Kerf: 9. Fast DDS does not. Of three samples one comes: it asks again for the others, and no more when they came.
+    let mut bytes = [0; 12];
+    bytes[..2].copy_from_slice(&[0x01, 0x0f]);
+    let writer_guid = GUID { prefix: GuidPrefix { bytes }, ..writer_guid };
+    let mr_state = MessageReceiverState { source_guid_prefix: writer_guid.prefix, ..Default::default() };
+    reader.matched_writer_add(writer_guid, EntityId::UNKNOWN, vec![], vec![], &reliable_qos);
+    let next_event = || loop {
       if let Some(DpTimerEvent::Reader { event, .. }) = timer.borrow_mut().poll() {
         return event;
       }
       std::thread::sleep(StdDuration::from_millis(1));
     };
-    let asked_again = TimedEvent::AskAgain { writer: writer_guid };
     let receive = |reader: &mut Reader, number| {
       let proxy = reader.matched_writer_mut(writer_guid).unwrap();
       proxy.received_changes_add(SequenceNumber::new(number), Timestamp::now());
     };
     let sent = |reader: &Reader| reader.matched_writer(writer_guid).unwrap().sent_ack_nack_count;
-    std::thread::sleep(StdDuration::from_millis(50));
+    let asked_again = |heartbeat| TimedEvent::AskAgain { writer: writer_guid, heartbeat };
+    assert!(reader.handle_heartbeat_msg(&Heartbeat { count: 4, ..hb_2.clone() }, false, &mr_state));
+    assert!(reader.handle_heartbeat_msg(&Heartbeat { count: 5, ..hb_2.clone() }, false, &mr_state));
+    assert_eq!(sent(&reader), 3);
+    // Of the HEARTBEAT before nothing is asked for again.
+    assert_eq!(next_event(), asked_again(4));
+    reader.handle_timed_event(asked_again(4));
+    assert_eq!(sent(&reader), 3);
     receive(&mut reader, 2);
-    assert_eq!(next_event(), asked_again);
-    reader.handle_timed_event(asked_again);
+    assert_eq!(next_event(), asked_again(5));
+    reader.handle_timed_event(asked_again(5));
     assert_eq!(sent(&reader), 3, "the others may be under way");
-    assert_eq!(next_event(), asked_again);
-    reader.handle_timed_event(asked_again);
+    assert_eq!(next_event(), asked_again(5));
+    reader.handle_timed_event(asked_again(5));
     assert_eq!(sent(&reader), 4);
     receive(&mut reader, 1);
     receive(&mut reader, 3);
-    assert_eq!(next_event(), asked_again);
-    reader.handle_timed_event(asked_again);
+    assert_eq!(next_event(), asked_again(5));
+    reader.handle_timed_event(asked_again(5));
     assert_eq!(sent(&reader), 4);
-    assert!(reader.matched_writer(writer_guid).unwrap().asked.is_none());
+
+    // Kerf: 10. What does not come is asked for three times more, and fragments come in their own time.
+    let hb_3 = Heartbeat { count: 6, last_sn: SequenceNumber::new(4), ..hb_2.clone() };
+    assert!(reader.handle_heartbeat_msg(&hb_3, false, &mr_state));
+    for count in 6..=8 {
+      assert_eq!(next_event(), asked_again(6));
+      reader.handle_timed_event(asked_again(6));
+      assert_eq!(sent(&reader), count);
+    }
+    assert!(timer.borrow_mut().poll().is_none());
+    let hb_4 = Heartbeat { count: 7, ..hb_3 };
+    assert!(reader.handle_heartbeat_msg(&hb_4, false, &mr_state));
+    reader.matched_writer_mut(writer_guid).unwrap().heard(SequenceNumber::new(4), true);
+    assert_eq!(next_event(), asked_again(7));
+    reader.handle_timed_event(asked_again(7));
+    assert_eq!(sent(&reader), 9);
   }
 
   #[test]

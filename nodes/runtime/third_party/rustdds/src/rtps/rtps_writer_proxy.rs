@@ -19,22 +19,24 @@ use crate::{
   },
 };
 
-/// Kerf: what an ACKNACK has asked for, and when it is asked for again.
-#[derive(Debug)]
+/// Kerf: what an ACKNACK has asked a writer of Fast DDS for, and when it is asked for again.
+#[derive(Debug, Clone)]
 pub(crate) struct Asked {
-  /// The first and the last sample of the HEARTBEAT that was answered.
+  /// The count of the HEARTBEAT that was answered, and its first and last sample.
+  pub heartbeat: i32,
   pub advertised: (SequenceNumber, SequenceNumber),
   heard: Instant,
-  wait: Duration,
+  pub wait: Duration,
 }
 
 impl Asked {
-  /// Each wait is twice the one before.
-  pub const FIRST_WAIT: Duration = Duration::from_millis(100);
-  const LAST_WAIT: Duration = Duration::from_millis(1600);
+  /// Longer than a round trip between hosts. Each wait is twice the one before; the next HEARTBEAT comes after three
+  /// seconds.
+  const FIRST_WAIT: Duration = Duration::from_millis(200);
+  const LAST_WAIT: Duration = Duration::from_millis(800);
 
-  pub fn new(advertised: (SequenceNumber, SequenceNumber)) -> Self {
-    Self { advertised, heard: Instant::now(), wait: Self::FIRST_WAIT }
+  pub fn new(heartbeat: i32, advertised: (SequenceNumber, SequenceNumber)) -> Self {
+    Self { heartbeat, advertised, heard: Instant::now(), wait: Self::FIRST_WAIT }
   }
 
   /// How long to wait still; zero when it is time to ask again.
@@ -42,11 +44,10 @@ impl Asked {
     self.wait.saturating_sub(self.heard.elapsed())
   }
 
-  /// It was asked for again. Returns the next wait, or `None` when it was the last time.
-  pub fn repeated(&mut self) -> Option<Duration> {
-    self.wait *= 2;
-    self.heard = Instant::now();
-    (self.wait <= Self::LAST_WAIT).then_some(self.wait)
+  /// The same after it was asked for again; `None` after the last time.
+  pub fn repeated(self) -> Option<Self> {
+    let wait = 2 * self.wait;
+    (wait <= Self::LAST_WAIT).then(|| Self { wait, heard: Instant::now(), ..self })
   }
 }
 
@@ -102,7 +103,7 @@ pub(crate) struct RtpsWriterProxy {
 
   pub sent_ack_nack_count: i32,
 
-  /// Kerf: set as long as a timer runs that asks again.
+  /// Kerf: what is asked for again, by a timer.
   pub asked: Option<Asked>,
 
   ack_base: SequenceNumber, // We can ACK everything before this number.
@@ -247,8 +248,9 @@ impl RtpsWriterProxy {
     seqnum < self.ack_base || self.changes.contains_key(&seqnum)
   }
 
-  // Kerf: some of what was asked for has come, so the rest may be under way.
-  pub fn heard(&mut self, seq_num: SequenceNumber) {
+  // Kerf: some of what was asked for has come, so the rest may be under way. Fragments come in their own time.
+  pub fn heard(&mut self, seq_num: SequenceNumber, is_fragment: bool) {
+    self.asked = self.asked.take().filter(|_| !is_fragment);
     if let Some(asked) = &mut self.asked {
       if (asked.advertised.0..=asked.advertised.1).contains(&seq_num) {
         asked.heard = Instant::now();
@@ -258,7 +260,7 @@ impl RtpsWriterProxy {
 
   // This is used to mark DATA as received.
   pub fn received_changes_add(&mut self, seq_num: SequenceNumber, receive_timestamp: Timestamp) {
-    self.heard(seq_num);
+    self.heard(seq_num, false);
     self.changes.insert(seq_num, Some(receive_timestamp));
 
     // Update deadline tracker
