@@ -48,7 +48,7 @@ def states(node):
 def until_state(node, *wanted):
     """Waits until the machine is in one of these states.
 
-    A late subscriber first gets states of the last seconds: they do not count.
+    The newest one of before may be there first: it does not count.
     """
     since = time.time()
 

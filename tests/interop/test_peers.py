@@ -10,7 +10,7 @@ import pytest
 
 from programs import SLOW, MachineState, load, states, until_state
 from ros2 import DEFAULT, LATCHED, ActionClient, Node, Qos, interfaces, message, until
-from ros2.node import Context
+from ros2.node import Context, NoAnswer
 
 # Sends a goal, says its id and waits for ever.
 CLIENT = '''
@@ -149,6 +149,24 @@ def test_an_endpoint_whose_type_has_another_hash_is_not_connected(machine, node)
         for _ in range(20):
             publisher.publish(kind(data=True))
         assert MachineState.STATE_HOLD not in [state.state for state in states(node).collect(20)]
+        goal.cancel()
+        goal.result()
+
+
+@pytest.mark.dds
+def test_a_client_whose_service_has_another_hash_commands_nothing(machine, node):
+    until_state(node, MachineState.STATE_IDLE)
+    other = 'RIHS01_' + 64 * '1'
+    with machine.node('stranger') as stranger:
+        client = stranger.client('std_srvs/srv/Trigger', 'feed_hold', other)
+        goal = load_and_run(node)
+        until('a word in the log', lambda: other in machine.log())
+        number = client.send()
+        with pytest.raises(NoAnswer):
+            client.wait(number, timeout=1)
+        assert MachineState.STATE_HOLD not in [state.state for state in states(node).collect(10)]
+        # The right one is answered.
+        assert node.client('std_srvs/srv/Trigger', 'feed_hold').call().success
         goal.cancel()
         goal.result()
 

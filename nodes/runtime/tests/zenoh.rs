@@ -92,6 +92,49 @@ async fn a_late_joiner_gets_what_is_latched_and_a_late_publisher_is_found() {
     right.stop().await;
 }
 
+/// More than DDS allows on one host.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn seventy_nodes_meet_at_one_router() {
+    const NODES: usize = 70;
+    let place = Arc::new(Place::new());
+    let listener = place.start("listener");
+    let of_all = Qos { depth: 2 * NODES, ..Qos::LATCHED };
+    let mut roll_call =
+        listener.handle().subscription::<Text>("roll_call", of_all).expect("reader");
+    let begin = |number: usize| {
+        let place = Arc::clone(&place);
+        tokio::task::spawn_blocking(move || {
+            let node = place.start(&format!("node_{number}"));
+            let publisher = node.handle().publisher::<Text>("roll_call", Qos::LATCHED);
+            let publisher = publisher.expect("publisher");
+            assert!(publisher.publish(Text { data: number.to_string() }));
+            (node, publisher)
+        })
+    };
+    let nodes = futures::future::join_all((0..NODES).map(begin)).await;
+    let nodes: Vec<_> = nodes.into_iter().map(|node| node.expect("no panic")).collect();
+    let mut heard = std::collections::BTreeSet::new();
+    soon("everyone", async {
+        while heard.len() < NODES {
+            heard.insert(roll_call.next().await.0.data);
+        }
+    })
+    .await;
+    soon("everyone to know the listener", async {
+        while nodes.iter().any(|(_, publisher)| publisher.subscribers() != 1) {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    })
+    .await;
+    drop(roll_call);
+    let ends = nodes.into_iter().map(|(node, publisher)| {
+        drop(publisher);
+        node.stop()
+    });
+    futures::future::join_all(ends).await;
+    listener.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn services_answer_all_clients_and_know_their_processes() {
     let place = Place::new();

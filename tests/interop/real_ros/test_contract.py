@@ -124,6 +124,39 @@ def test_every_topic_is_heard_during_a_run(machine, peer):
             peer.until(topic, lambda: messages)
 
 
+def test_what_a_run_leaves_is_there_for_who_comes_later(peer):
+    program_id = load(peer, PART, 'late.ngc')
+    goal = run(peer)
+    peer.result('the end', goal.get_result_async())
+    results = peer.listen(kind_of('cnc_msgs/msg/RunResult'), 'run_result', LATCHED)
+    peer.until('the result', lambda: any(it.program_id == program_id for it in results))
+    assert len(results) == 1
+
+
+def test_a_path_is_fetched_whole(peer):
+    # The longest message with structure.
+    text = 'G21 G90 G17\nG0 X0 Y0\n' + ''.join(
+        f'G2 X{x} I1 F600\nG1 Y{x / 10}\nG1 Y0\n' for x in range(2, 1200, 2)) + 'M30\n'
+    program_id = load(peer, text, 'long.ngc')
+    paths = peer.listen(kind_of('cnc_msgs/msg/CompensatedPath'), 'compensated_path', LATCHED)
+    path = peer.until('the path', lambda: next(
+        (it for it in paths if it.program_id == program_id), None))
+    elements = []
+    chunks = 0
+    while chunks < path.chunk_count:
+        answer = peer.call(kind_of('cnc_msgs/srv/GetPathChunks'), 'compensated_path/get_chunks',
+                           first=chunks, program_id=program_id, revision=path.revision)
+        assert answer.success, answer.message
+        chunks += len(answer.chunks)
+        elements += [element for chunk in answer.chunks for element in chunk.elements]
+    assert path.chunk_count > 1 and len(elements) == path.element_count
+    # Metres; half circles about a centre on X.
+    arcs = [it for it in elements if it.kind == it.KIND_ARC]
+    assert len(arcs) == 599
+    for number, arc in enumerate(arcs):
+        assert abs(arc.center.x - (2 * number + 1) / 1000) < 1e-9, arc
+
+
 def test_every_service_answers(machine, peer):
     """With a request that changes nothing, or that is refused."""
     load(peer, PART, 'services.ngc')

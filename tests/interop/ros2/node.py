@@ -199,9 +199,9 @@ class Node:
     def subscription(self, type_name, topic, qos=DEFAULT):
         return Subscription(self, interfaces.message(type_name), self.resolve(topic), qos)
 
-    def client(self, type_name, name):
+    def client(self, type_name, name, type_hash=''):
         from .services import Client
-        return Client(self, interfaces.service(type_name), self.resolve(name))
+        return Client(self, interfaces.service(type_name), self.resolve(name), type_hash)
 
     def service(self, type_name, name, handler):
         from .services import Service

@@ -7,6 +7,7 @@ request. A client takes the replies that are its own and lets all others pass.
 import functools
 import itertools
 import time
+from dataclasses import replace
 
 from . import interfaces
 from .node import TIMEOUT, SERVICES, Arrivals, NoAnswer, until
@@ -44,12 +45,13 @@ class Calling:
 class Client(Calling):
     """`node.create_client`."""
 
-    def __init__(self, node, kind, name):
+    def __init__(self, node, kind, name, type_hash=''):
         self.name, self.kind = name, kind
         self._reply_kind = interfaces.framed(f'{kind.name}_Response')
         self._request_kind = interfaces.framed(f'{kind.name}_Request')
         self._replies = node.reader(f'rr{name}Reply', self._reply_kind, SERVICES)
-        self._requests = node.writer(f'rq{name}Request', self._request_kind, SERVICES)
+        self._requests = node.writer(
+            f'rq{name}Request', self._request_kind, replace(SERVICES, type_hash=type_hash))
         # The handle is signed in Python.
         self._me = self._requests.get_instance_handle() % 2**64
         self._numbers = itertools.count(1)
