@@ -233,9 +233,7 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
                 "to have all of it judged before the run, set the zero where the probe has touched with \
                  G10 L20, and write places as numbers from there"
             }
-            false => {
-                "nothing to do, if that is meant: read no #5399 to have all of it judged before the run"
-            }
+            false => "read no #5399 if all of it is to be judged before the run",
         };
         findings.push(Finding::warning(Code::Unsupported, source, message).help(help));
     }

@@ -35,7 +35,7 @@ pub(super) fn to_the_end(line: &mut Line, program: &str) -> (RunResult, Vec<u32>
         };
         let reason = line.state().reason;
         let wanted =
-            format!(": what follows is being planned from what was measured (line {}", found.line);
+            format!(": what follows is being planned from its result (line {}", found.line);
         assert!(reason.contains(&wanted), "{reason}");
         waited.push(found.line);
         go_on(line, program, &found).expect("it is taken");

@@ -391,9 +391,8 @@ impl ProgramRun {
                 state.mode = Mode::Run;
                 let line = self.job.line_of(*source);
                 let word = if self.measured.probes.is_empty() { "INPUT" } else { "PROBE" };
-                state.reason = format!(
-                    "{word}: what follows is being planned from what was measured ({line})"
-                );
+                state.reason =
+                    format!("{word}: what follows is being planned from its result ({line})");
             }
             Stage::Calling(_) | Stage::Reading(_) if state.mode == Mode::Idle => {
                 state.mode = Mode::Run;

@@ -132,12 +132,14 @@ impl Controller {
         }
     }
 
-    /// What was to be switched is not: a reset, or motion that is dropped.
-    pub(super) fn forget_outputs(&mut self) {
+    /// What was to be switched is not, and what was read is not reported any more: a reset.
+    pub(super) fn forget_ports(&mut self) {
         self.ports.with_next_motion.clear();
+        self.ports.result = None;
         self.forget_planned_outputs();
     }
 
+    /// The motion is dropped.
     pub(super) fn forget_planned_outputs(&mut self) {
         self.ports.planned.clear();
     }

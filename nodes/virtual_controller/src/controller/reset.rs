@@ -167,7 +167,7 @@ impl Controller {
         self.plant.stop_at_ends(at, settings);
         self.planner.set_overrides(Overrides::default());
         self.forget_input();
-        self.forget_outputs();
+        self.forget_ports();
         self.sticky_error = None;
         self.probing = None;
         self.switch_off();
