@@ -31,18 +31,15 @@ pub enum PortUse {
 impl PortWord {
     pub fn of(action: &Action) -> Option<Self> {
         let Action::Auxiliary { letter: 'M', number, words } = *action else { return None };
-        let value = |letter: char| -> Option<f64> {
-            words.as_str().split(' ').find_map(|word| word.strip_prefix(letter)?.parse().ok())
-        };
         let number = (62..=68_u8).find(|known| f64::from(*known) == number)?;
-        let is_analog = matches!(number, 67 | 68) || number == 66 && value('P').is_none();
-        let port = value(if is_analog { 'E' } else { 'P' })?;
+        let is_analog = matches!(number, 67 | 68) || number == 66 && words.value('P').is_none();
+        let port = words.value(if is_analog { 'E' } else { 'P' })?;
         // A number that is none of a port becomes one that no board has.
         let port = if port >= 0.0 && port.fract() == 0.0 { port as u32 } else { u32::MAX };
         let with_motion = matches!(number, 62 | 63 | 67);
         let what = match number {
-            66 => PortUse::Read { seconds: value('Q').unwrap_or(0.0) },
-            67 | 68 => PortUse::Switch { value: value('Q')?, with_motion },
+            66 => PortUse::Read { seconds: words.value('Q').unwrap_or(0.0) },
+            67 | 68 => PortUse::Switch { value: words.value('Q')?, with_motion },
             _ => PortUse::Switch { value: f64::from(u8::from(number % 2 == 0)), with_motion },
         };
         Some(Self { is_analog, port, what })

@@ -19,6 +19,5 @@ pub struct ProbeResult {
 pub struct Measured {
     pub probes: Vec<ProbeResult>,
     /// What M66 has read; -1 where it has waited in vain.
-    #[serde(default)]
     pub inputs: Vec<i32>,
 }

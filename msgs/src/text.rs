@@ -55,6 +55,13 @@ impl<const MAX: usize> Text<MAX> {
     }
 }
 
+impl Words {
+    /// The number after a letter, if it is among the words.
+    pub fn value(&self, letter: char) -> Option<f64> {
+        self.as_str().split(' ').find_map(|word| word.strip_prefix(letter)?.parse().ok())
+    }
+}
+
 impl<const MAX: usize> Default for Text<MAX> {
     fn default() -> Self {
         Self::EMPTY

@@ -25,10 +25,7 @@ impl UserFunction {
         let Action::Auxiliary { letter: 'M', number, words } = *action else { return None };
         // M107.5 is none.
         let number = (100..=199_u8).find(|known| f64::from(*known) == number)?;
-        let value = |letter: char| {
-            words.as_str().split(' ').find_map(|word| word.strip_prefix(letter)?.parse().ok())
-        };
-        Some(Self { number, p: value('P'), q: value('Q') })
+        Some(Self { number, p: words.value('P'), q: words.value('Q') })
     }
 }
 

@@ -4,7 +4,7 @@ use super::exit::Exit;
 use super::job::Job;
 use super::{ProgramRun, Stage};
 use crate::codes::error_code;
-use crate::driver::context::{Context, Origin};
+use crate::driver::context::Context;
 use crate::driver::output::LogLevel;
 use crate::encoder::EncodedLine;
 use cnc_msgs::contour::Source;
@@ -32,15 +32,9 @@ impl Reading {
 impl ProgramRun {
     /// All motion has ended: sends the line.
     pub(super) fn begin_reading(&mut self, context: &mut Context, line: EncodedLine) {
-        let EncodedLine { text, kind, element, source, events, .. } = line;
-        self.stage =
-            Stage::Reading(Reading { text: text.clone(), source, answered: None, is_asked: false });
-        self.job.has_sent = true;
-        self.is_alone = true;
-        self.watch_line(&text, source);
-        let sent = text.clone();
-        let origin = Origin::Program { text, source, element, events };
-        context.link.send_line(&sent, kind, origin);
+        let (text, source) = (line.text.clone(), line.source);
+        self.stage = Stage::Reading(Reading { text, source, answered: None, is_asked: false });
+        self.send(context, EncodedLine { is_alone: true, ..line });
     }
 
     /// The line was answered.

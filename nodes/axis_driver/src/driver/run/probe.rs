@@ -78,17 +78,11 @@ impl ProgramRun {
 
     /// All motion has ended: sends the line of the probe.
     pub(super) fn begin_probe(&mut self, context: &mut Context, line: EncodedLine, probe: Probe) {
-        let EncodedLine { text, kind, element, source, events, .. } = line;
+        let EncodedLine { element, source, .. } = line;
         let began = context.machine.machine_position();
         let (touch, is_asked) = (None, false);
         self.stage = Stage::Probing(Probing { probe, source, element, began, touch, is_asked });
-        self.job.has_sent = true;
-        self.is_alone = true;
-        self.watch_line(&text, source);
-        context.machine.on_sent(&text);
-        let sent = text.clone();
-        let origin = Origin::Program { text, source, element, events };
-        context.link.send_line(&sent, kind, origin);
+        self.send(context, EncodedLine { is_alone: true, ..line });
     }
 
     /// Takes what the controller reports about a probe.

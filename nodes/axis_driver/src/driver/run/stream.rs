@@ -103,16 +103,7 @@ impl ProgramRun {
                     if context.link.has_room(line.text.len())
                         && (!line.is_alone || context.link.unanswered() == 0) =>
                 {
-                    self.job.has_sent = true;
-                    self.is_alone = line.is_alone;
-                    let EncodedLine { text, kind, element, source, events, .. } = line;
-                    self.watch_line(&text, source);
-                    context.machine.on_sent(&text);
-                    context.link.send_line(
-                        &text.clone(),
-                        kind,
-                        Origin::Program { text, source, element, events },
-                    );
+                    self.send(context, line);
                     if self.is_alone {
                         return None;
                     }
@@ -123,6 +114,17 @@ impl ProgramRun {
                 }
             }
         }
+    }
+
+    /// Sends a line of the program.
+    pub(super) fn send(&mut self, context: &mut Context, line: EncodedLine) {
+        let EncodedLine { text, kind, is_alone, element, source, events, .. } = line;
+        self.job.has_sent = true;
+        self.is_alone = is_alone;
+        self.watch_line(&text, source);
+        context.machine.on_sent(&text);
+        let sent = text.clone();
+        context.link.send_line(&sent, kind, Origin::Program { text, source, element, events });
     }
 
     /// Takes the block of what is sent next; gives the one before it, if that ends there.
