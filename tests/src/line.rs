@@ -180,6 +180,12 @@ impl Line {
         self.controller.device_mut().controller_mut().receive(now, text.as_bytes());
     }
 
+    /// Lets a real-time byte of a pendant reach the controller.
+    pub fn pendant(&mut self, byte: u8) {
+        let now = self.now;
+        self.controller.device_mut().controller_mut().receive(now, &[byte]);
+    }
+
     /// Where the axes really are in the controller's own count, mm.
     pub fn axes(&self) -> [f64; 3] {
         self.controller.device().controller().position()

@@ -9,7 +9,7 @@
 mod chords;
 mod ring;
 
-use crate::encoder::UserFunction;
+use crate::encoder::{AllowedOverrides, UserFunction};
 use crate::firmware::{THREAD_WAIT_S_MAX, thread_wait_s};
 use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, Known, MachinePath, Step};
@@ -261,6 +261,7 @@ impl CycleTime {
             // How long an input or a function lets it wait, nobody knows.
             Action::Auxiliary { .. } if PortWord::of(&action).is_some() => 0.0,
             Action::Auxiliary { .. } if UserFunction::of(&action).is_some() => 0.0,
+            Action::Auxiliary { .. } if AllowedOverrides::default().after(&action).is_some() => 0.0,
             Action::ChangeTool { .. } => {
                 self.spindle = SpindleMode::Off;
                 0.0

@@ -12,6 +12,7 @@ mod arc_lines;
 mod config;
 mod firmware_arc;
 mod further;
+mod override_word;
 mod port;
 mod probe;
 mod problem;
@@ -38,6 +39,7 @@ use std::sync;
 use words::{to_grid, write_word};
 
 pub use config::{Board, EncoderConfig, Homing};
+pub use override_word::AllowedOverrides;
 pub use port::Ports;
 pub use problem::{EncodeError, EncodeProblem};
 pub use restart::{StartProblem, start_at};
@@ -98,6 +100,11 @@ pub enum EncoderStep {
         function: UserFunction,
         source: Source,
     },
+    /// Motion ends, and from here on the operator may override no more than this.
+    AllowOverrides {
+        allowed: AllowedOverrides,
+        source: Source,
+    },
     /// Motion ends, these axes are homed by this line, and the program goes on.
     Home {
         text: String,
@@ -152,6 +159,7 @@ pub struct Encoder {
     speed: Option<HeldSpeed>,
     /// What M62, M63 and M67 switch when the next motion begins.
     outputs: Vec<HeldOutput>,
+    allowed_overrides: AllowedOverrides,
     /// A, B, C, U, V and W that wait for the line of their block.
     further: Option<HeldFurther>,
     /// Axes that the next motion moves from wherever they are.
@@ -193,6 +201,7 @@ impl Encoder {
             start_axes: AxisSet::NONE,
             speed: None,
             outputs: Vec::new(),
+            allowed_overrides: AllowedOverrides::default(),
         }
     }
 

@@ -14,7 +14,7 @@
 //! The radii of an arc may differ as LinuxCNC allows, but never by more than grbl allows. `G80`
 //! may be in a block with G0 to G3. `G41 D0` is the tool in the spindle (LinuxCNC). G61, G64 and
 //! G97 are accepted and have no effect, because a driver plans its own path.
-//! M48, M49 and M100 to M199 are functions of the machine.
+//! M100 to M199 are functions of the machine.
 
 mod block;
 mod bounds;

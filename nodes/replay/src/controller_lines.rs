@@ -69,6 +69,9 @@ impl Iterator for Lines {
             Ok(EncoderStep::UserFunction { function, source }) => {
                 (format!("the cell does {function}"), source.line)
             }
+            Ok(EncoderStep::AllowOverrides { allowed, source }) => {
+                (format!("allowed overrides: {allowed}"), source.line)
+            }
             Ok(EncoderStep::CheckStart) => ("check of the start".to_owned(), 0),
             Ok(EncoderStep::CheckReturn { .. }) => ("check of the way back".to_owned(), 0),
             Err(error) => {

@@ -2,6 +2,7 @@
 
 mod overrides;
 mod probe;
+mod program_overrides;
 
 use axis_driver::codes::error_code;
 use axis_driver::driver::{

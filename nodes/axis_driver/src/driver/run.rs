@@ -10,6 +10,7 @@ pub(super) mod exit;
 mod input;
 pub(super) mod job;
 mod messages;
+mod override_lock;
 mod probe;
 pub(super) mod progress;
 pub(super) mod proof;
@@ -26,7 +27,7 @@ pub(super) mod workplace;
 use super::context::Context;
 use super::context::machine::Machine;
 use crate::cycle_time::CycleTime;
-use crate::encoder::{EncodedLine, Encoder, EncoderStep, UserFunction};
+use crate::encoder::{AllowedOverrides, EncodedLine, Encoder, EncoderStep, UserFunction};
 use crate::envelope::Beginning;
 use crate::machine_limits::StoredOffsets;
 use crate::tracker::Tracker;
@@ -37,6 +38,7 @@ use cnc_msgs::machine::{MachineState, Mode, WAITING_FOR_RECORDER};
 use cnc_msgs::probing::Measured;
 use input::Reading;
 use job::Job;
+use override_lock::OverrideLock;
 use probe::Probing;
 use proof::Proof;
 use replan::Replan;
@@ -87,6 +89,7 @@ pub(super) struct ProgramRun {
     measured: Measured,
     /// Functions of the user that it has called.
     calls: u32,
+    override_lock: OverrideLock,
 }
 
 /// What is encoded and waits for room.
@@ -151,6 +154,8 @@ enum Stage {
     Calling(Calling),
     /// The controller waits for an input.
     Reading(Reading),
+    /// The overrides are on their way to what the program allows.
+    Overriding,
     /// A block has ended in single block mode.
     BlockEnd(BlockOfLine),
 }
@@ -190,6 +195,11 @@ enum Then {
     /// Have a node of the cell do this.
     UserFunction {
         function: UserFunction,
+        source: Source,
+    },
+    /// Let the operator override no more than this.
+    AllowOverrides {
+        allowed: AllowedOverrides,
         source: Source,
     },
     /// The axes are home.
@@ -246,6 +256,7 @@ impl ProgramRun {
             watch: RunWatch::default(),
             measured: Measured::default(),
             calls: 0,
+            override_lock: OverrideLock::default(),
         }
     }
 
@@ -394,6 +405,7 @@ impl ProgramRun {
                 state.reason =
                     format!("{word}: what follows is being planned from its result ({line})");
             }
+            Stage::Overriding if state.mode == Mode::Idle => state.mode = Mode::Run,
             Stage::Calling(_) | Stage::Reading(_) if state.mode == Mode::Idle => {
                 state.mode = Mode::Run;
                 state.reason = self.waits_for_others().unwrap_or_default();

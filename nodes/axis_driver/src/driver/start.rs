@@ -195,6 +195,11 @@ impl Driver {
     }
 
     pub(super) fn set_overrides(&mut self, id: u64, wanted: Overrides) -> Answer {
+        if let Phase::Running(run) = &self.phase
+            && let Some(refusal) = run.override_obstacle(&wanted)
+        {
+            return Some(Err(refusal));
+        }
         match &self.phase {
             Phase::Ready | Phase::Running(_) | Phase::Stopping(_) | Phase::Manual(_) => {
                 self.context.set_overrides(id, wanted)

@@ -64,8 +64,11 @@ impl Encoder {
         if let Some(function) = UserFunction::of(action) {
             return self.encode_user_function(function, source);
         }
-        match PortWord::of(action) {
-            Some(word) => self.encode_port(&word, action, source),
+        if let Some(word) = PortWord::of(action) {
+            return self.encode_port(&word, action, source);
+        }
+        match self.allowed_overrides.after(action) {
+            Some(allowed) => Ok(self.allow_overrides(allowed?, source)),
             None => Err(EncodeProblem::Unsupported { word: action.text() }),
         }
     }

@@ -15,7 +15,7 @@
 //! system), nothing is known that could be gone to: the tool stays at that height if it is
 //! Z, and else the start is refused.
 
-use super::{EncodeError, Encoder, EncoderConfig, UserFunction};
+use super::{AllowedOverrides, EncodeError, Encoder, EncoderConfig, UserFunction};
 use cnc_msgs::contour::Action;
 use cnc_msgs::further::{FurtherAxes, FurtherMove};
 use cnc_msgs::geometry::AxisSet;
@@ -134,6 +134,13 @@ pub fn start_at(
     pushed.map_err(|problem| {
         StartProblem::Encode(Box::new(EncodeError::new(&path, source_place, problem)))
     })?;
+    let (mut allowed, mut word) = (AllowedOverrides::default(), source_place);
+    for event in &path.events[..encoder.next_event] {
+        if let Some(Ok(after)) = allowed.after(&event.action) {
+            (allowed, word) = (after, event.source);
+        }
+    }
+    encoder.allow_overrides(allowed, word);
     Ok((encoder, index))
 }
 
@@ -174,7 +181,8 @@ fn restored(
             // It would be in force there, as G96 is.
             Action::Auxiliary { .. }
                 if UserFunction::of(&event.action).is_none()
-                    && PortWord::of(&event.action).is_none() =>
+                    && PortWord::of(&event.action).is_none()
+                    && !matches!(AllowedOverrides::default().after(&event.action), Some(Ok(_))) =>
             {
                 let (word, at) = (event.action.text(), event.source.line);
                 return Err(StartProblem::MachineFunction { line, word, at });

@@ -4,7 +4,9 @@
 //! that the axes cannot cut at the pace of the spindle is an error, as it is for the encoder.
 
 use super::{EnvelopeReport, Workplace, place};
-use crate::encoder::{EncodeProblem, UserFunction, check_pace, no_spindle_sync, shares};
+use crate::encoder::{
+    AllowedOverrides, EncodeProblem, UserFunction, check_pace, no_spindle_sync, shares,
+};
 use crate::firmware::{Firmware, THREAD_SHARE};
 use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, MachineMove};
@@ -152,7 +154,13 @@ impl FunctionCheck {
                     Some(None) => {
                         self.first_port.get_or_insert_with(|| (source, action.text()));
                     }
-                    None => self.refuse(source, EncodeProblem::Unsupported { word: action.text() }),
+                    None => {
+                        let unsupported = EncodeProblem::Unsupported { word: action.text() };
+                        let after = AllowedOverrides::default().after(&action);
+                        if let Err(problem) = after.unwrap_or(Err(unsupported)) {
+                            self.refuse(source, problem);
+                        }
+                    }
                 }
             }
             Action::SpindleSync { pitch_mm } => self.pitch = Some((source, pitch_mm)),

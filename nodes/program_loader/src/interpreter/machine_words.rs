@@ -26,6 +26,21 @@ impl Default for Overrides {
     }
 }
 
+impl Overrides {
+    /// After M48 to M53.
+    fn after(mut self, number: u16, is_on: bool) -> Self {
+        match number {
+            48 => (self.feed, self.speed) = (true, true),
+            49 => (self.feed, self.speed) = (false, false),
+            50 => self.feed = is_on,
+            51 => self.speed = is_on,
+            52 => self.adapts = is_on,
+            _ => self.may_hold = is_on,
+        }
+        self
+    }
+}
+
 /// The words that a number of M takes.
 const fn words_of(number: u16) -> Letters {
     Letters::of(match number {
@@ -68,20 +83,9 @@ impl Interpreter<'_> {
         if self.request.is_damaged {
             return;
         }
-        let has_zero = self.request.value(b'P') == Some(0.0);
-        let before = self.modal.overrides;
-        let overrides = &mut self.modal.overrides;
-        match number {
-            48 | 49 => (overrides.feed, overrides.speed) = (number == 48, number == 48),
-            50 => overrides.feed = !has_zero,
-            51 => overrides.speed = !has_zero,
-            52 => overrides.adapts = !has_zero,
-            53 => overrides.may_hold = !has_zero,
-            _ => {}
-        }
-        if matches!(number, 48..=53) && before == *overrides && before == Overrides::default() {
-            // The operator may do everything, as before.
-            return;
+        if matches!(number, 48..=53) {
+            let is_on = self.request.value(b'P') != Some(0.0);
+            return self.set_overrides(self.modal.overrides.after(number, is_on));
         }
         let Some(words) = Words::new(&words) else {
             let message = format!("the words of {} are too long", scene.quote(at));
@@ -94,17 +98,17 @@ impl Interpreter<'_> {
         }
     }
 
-    /// Says the overrides that are otherwise now.
-    pub(super) fn restore_overrides(&mut self, saved: Overrides) {
-        let now = std::mem::replace(&mut self.modal.overrides, saved);
-        for (number, was, is) in [
-            (50.0, saved.feed, now.feed),
-            (51.0, saved.speed, now.speed),
-            (52.0, saved.adapts, now.adapts),
-            (53.0, saved.may_hold, now.may_hold),
+    /// Says those that change: M48 and M49 are M50 and M51 together.
+    pub(super) fn set_overrides(&mut self, wanted: Overrides) {
+        let before = std::mem::replace(&mut self.modal.overrides, wanted);
+        for (number, is_on, was_on) in [
+            (50.0, wanted.feed, before.feed),
+            (51.0, wanted.speed, before.speed),
+            (52.0, wanted.adapts, before.adapts),
+            (53.0, wanted.may_hold, before.may_hold),
         ] {
-            if was != is {
-                let words = Words::new(if was { "P1" } else { "P0" }).unwrap_or_default();
+            if is_on != was_on {
+                let words = Words::new(if is_on { "P1" } else { "P0" }).unwrap_or_default();
                 self.act(Action::Auxiliary { letter: 'M', number, words });
             }
         }

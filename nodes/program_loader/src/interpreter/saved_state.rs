@@ -157,7 +157,7 @@ impl Interpreter<'_> {
                 }
             }
         }
-        self.restore_overrides(saved.overrides);
+        self.set_overrides(saved.overrides);
         let modal = &mut self.modal;
         modal.distance = saved.distance;
         modal.centers = saved.centers;

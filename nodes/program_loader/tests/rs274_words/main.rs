@@ -112,15 +112,15 @@ fn words_for_the_machine_are_passed_on_with_their_values() {
         ("M66 P0 L3 Q2.5\nM67 E1 Q-0.5\nM2", "M66 L3 P0 Q2.5; M67 E1 Q-0.5; M2", &[]),
         (
             "M19 R45 Q1\nM50 P0\nM51\nM53 P0\nM101 P1 Q2.5\nM49\nM2",
-            "M19 Q1 R45; M50 P0; M51; M53 P0; M101 P1 Q2.5; M49; M2",
+            "M19 Q1 R45; M50 P0; M53 P0; M101 P1 Q2.5; M51 P0; M2",
             &[],
         ),
         (
             "M50 P0\nM52\n(DEBUG, %d#<_feed_override>#<_speed_override>#<_adaptive_feed>)\nM2",
-            "M50 P0; M52; (MSG, 011); M2",
+            "M50 P0; M52 P1; (MSG, 011); M2",
             &[],
         ),
-        ("M70\nM49\nM72\nM2", "M49; M50 P1; M51 P1; M2", &[]),
+        ("M70\nM49\nM72\nM2", "M50 P0; M51 P0; M50 P1; M51 P1; M2", &[]),
         ("M61 Q7\n(DEBUG, %d#5400 #<_current_tool>)\nG43\nM2", "(MSG, 7 7); G43 H7; M2", &[]),
         (
             "F100 G0 X0 Y20\nM61 Q3\nG41 G1 Y0\nX9\nG40 Y9\nM2",
@@ -238,7 +238,7 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
             &["G97 without S: no spindle speed is in force after G96"],
         ),
         // What changes nothing is no event.
-        ("M48 M51\nM50 P0\nM48\nM2", "M50 P0; M48; M2", &[]),
+        ("M48 M51\nM50 P0\nM48\nM2", "M50 P0; M50 P1; M2", &[]),
         // Feet a minute. Of an arc the part that is cut counts.
         (
             "G20 G96 S100 D1000\nG21 M3\nG0 X10 Z0\nG18 G95 G3 X10 Z-10 R1000 F.2\nM2",

@@ -71,7 +71,7 @@ impl Overrides {
     }
 
     /// Whether these percentages are what is named.
-    fn are(self, percents: [u8; 3]) -> bool {
+    pub(in crate::driver) fn are(self, percents: [u8; 3]) -> bool {
         self.values().iter().zip(percents).all(|(wanted, is)| wanted.is_none_or(|w| w == is))
     }
 
@@ -213,6 +213,27 @@ impl Context {
         None
     }
 
+    /// Asks the controller for overrides that no command has named.
+    pub(in crate::driver) fn bring_overrides_to(&mut self, wanted: Overrides, why: &str) {
+        let reported = self.machine.overrides_percent;
+        if self.overrides.is_none() && wanted.are(reported) {
+            return;
+        }
+        for (id, of) in self.overrides.take().into_iter().flat_map(|watch| watch.requests) {
+            let text = format!("{} was replaced: {why}", of.describe());
+            self.reply(id, Err(Refusal::new(error_code::CANCELED, text)));
+        }
+        let until = self.now + WITHIN;
+        let requests = Vec::new();
+        let watch = OverrideWatch { wanted, expected: reported, reports: 0, until, requests };
+        self.begin_round(watch, reported);
+    }
+
+    /// `the controller reports feed 150 %, rapid 100 %, spindle 100 %`
+    pub(in crate::driver) fn shown_overrides(&self) -> String {
+        shown(self.machine.overrides_percent)
+    }
+
     /// Sends the bytes of the next round, from what a report has shown.
     fn begin_round(&mut self, mut watch: OverrideWatch, from: [u8; 3]) {
         let equal_max = self.machine.firmware.traits().overrides_in_a_round;
@@ -254,7 +275,7 @@ impl Context {
         let Some(watch) = self.overrides.take() else { return };
         let text = format!(
             "the controller was asked for {} and reports {} after {} s; it accepts none while it \
-             homes or is locked, or after the program has switched them off",
+             homes or is locked",
             watch.wanted.describe(),
             describe(self.machine.overrides_percent),
             WITHIN.as_secs()

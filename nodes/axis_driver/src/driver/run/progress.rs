@@ -347,6 +347,9 @@ impl ProgramRun {
         if let Some(exit) = self.take_wrong_thread() {
             return Some(exit);
         }
+        if let Some(exit) = self.keep_overrides(context) {
+            return Some(exit);
+        }
         self.report_progress(context);
         None
     }
@@ -371,6 +374,9 @@ impl ProgramRun {
             Then::ReadInput { line } => self.begin_reading(context, line),
             Then::UserFunction { function, source } => {
                 return self.call_function(context, function, source);
+            }
+            Then::AllowOverrides { allowed, source } => {
+                self.allow_overrides(context, allowed, source);
             }
             Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
             Then::Home { text, axes, source } => {

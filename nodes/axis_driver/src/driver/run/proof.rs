@@ -126,6 +126,7 @@ impl Proof {
                     | EncoderStep::ControllerChange { .. }
                     | EncoderStep::Stretch { .. }
                     | EncoderStep::UserFunction { .. }
+                    | EncoderStep::AllowOverrides { .. }
                     | EncoderStep::CheckStart
                     | EncoderStep::CheckReturn { .. },
                 )) => {}
@@ -208,7 +209,9 @@ pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) ->
             EncoderStep::ToolChange { tool, .. } => format!("the change to T{tool}"),
             EncoderStep::ControllerChange { tool, .. } => format!("M6T{tool}"),
             EncoderStep::Stretch { .. } | EncoderStep::UserFunction { .. } => break,
-            EncoderStep::CheckStart | EncoderStep::CheckReturn { .. } => continue,
+            EncoderStep::AllowOverrides { .. }
+            | EncoderStep::CheckStart
+            | EncoderStep::CheckReturn { .. } => continue,
         };
         match lines.len() < SHOWN_MAX {
             true => lines.push(line),

@@ -55,6 +55,7 @@ impl ProgramRun {
                             | EncoderStep::ReadInput { .. }
                             | EncoderStep::Stretch { .. }
                             | EncoderStep::UserFunction { .. }
+                            | EncoderStep::AllowOverrides { .. }
                             | EncoderStep::CheckStart,
                         )),
                         _,
@@ -80,6 +81,9 @@ impl ProgramRun {
                     (Some(Ok(EncoderStep::Stretch { source })), _) => Then::Stretch { source },
                     (Some(Ok(EncoderStep::UserFunction { function, source })), _) => {
                         Then::UserFunction { function, source }
+                    }
+                    (Some(Ok(EncoderStep::AllowOverrides { allowed, source })), _) => {
+                        Then::AllowOverrides { allowed, source }
                     }
                     (Some(Ok(EncoderStep::CheckStart)), _) => Then::CheckStart,
                     (Some(Ok(EncoderStep::CheckReturn { stood })), _) => {

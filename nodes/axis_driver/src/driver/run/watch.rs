@@ -101,7 +101,11 @@ impl ProgramRun {
     /// since `since`.
     pub(super) fn watch_report(&mut self, context: &mut Context, since: Duration) {
         let is_judged = match &self.stage {
-            Stage::Streaming | Stage::Probing(_) | Stage::Calling(_) | Stage::Reading(_) => true,
+            Stage::Streaming
+            | Stage::Probing(_)
+            | Stage::Calling(_)
+            | Stage::Reading(_)
+            | Stage::Overriding => true,
             Stage::Draining(then) | Stage::Settling { then, .. } => {
                 !matches!(then, Then::GoOn | Then::Probed(_) | Then::ControllerChange { .. })
             }
