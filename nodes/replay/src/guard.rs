@@ -144,9 +144,12 @@ pub(crate) fn absent(
         }
     }
     if matches!(level, Level::Driver | Level::Stack) && !has_run(recording) {
-        return absent(
-            "the run did not start: no machine_state is RUN, and no block was sent".to_owned(),
-        );
+        return absent(match recording.is_check() {
+            true => "the run: its goal was only checked, and nothing was sent".to_owned(),
+            false => {
+                "the run did not start: no machine_state is RUN, and no block was sent".to_owned()
+            }
+        });
     }
     Ok(())
 }

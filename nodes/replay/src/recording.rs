@@ -87,6 +87,8 @@ pub struct Recording {
     pub goals: Vec<GoalStatusArray>,
     /// Results of runs, in order; the first may be of an earlier bag.
     pub results: Vec<wire::RunResult>,
+    /// The bag is not older than the topic of results.
+    pub(crate) has_result_topic: bool,
     /// The goal that the bag was recorded for.
     pub goal_id: Option<String>,
     /// States that were sent but did not reach the recorder, if it counted them.
@@ -178,6 +180,7 @@ impl Recording {
         }
         recording.put_together(gathered)?;
         recording.missed_states = missed_states(bag);
+        recording.has_result_topic = run_result::has_result_topic(bag);
         recording.goal_id =
             bag.metadata_named(RUN_RECORD).and_then(|it| it.get("goal_id").cloned());
         recording.begins_late = bag
@@ -189,7 +192,20 @@ impl Recording {
 
     /// How the run ended for which the bag was recorded.
     pub fn end(&self) -> Option<RunEnd> {
-        run_result::of_goal(self.goal_id.as_deref()?, &self.results, &self.goals)
+        let goal = self.goal_id.as_deref()?;
+        Some(match run_result::last_result(&self.results, goal) {
+            Some(result) => run_result::of_message(result),
+            None => run_result::without_result(
+                run_result::last_status(&self.goals, goal),
+                self.states.iter().map(|it| &it.state),
+                self.has_result_topic,
+            ),
+        })
+    }
+
+    /// Whether the goal was only checked: nothing was sent to the machine.
+    pub(crate) fn is_check(&self) -> bool {
+        self.end().is_some_and(|end| end.outcome == run_result::CHECKED)
     }
 
     /// The recorded path of a program and a revision.

@@ -1,10 +1,10 @@
-//! How the run of a bag ended: the driver's `run_result`, or the status of the goal in older bags.
+//! How the run of a bag ended: the driver's `run_result`, or else the status of the goal and what `machine_state` says.
 
 use super::migration::Definitions;
 use cnc_msgs::chunk::hex;
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
-use cnc_msgs::wire::cnc_msgs::msg::RunResult;
+use cnc_msgs::wire::cnc_msgs::msg::{MachineState, RunResult};
 use run_recorder::bag_reader::{Bag, BagMessage, MessageFilter, RUN_RECORD};
 use run_recorder::info::RunEnd;
 use serde::de::DeserializeOwned;
@@ -12,29 +12,91 @@ use std::io::{Read, Seek};
 
 /// The status topic of the goals of `run_program`; compared with the end of a topic's name.
 pub const STATUS_TOPIC: &str = "run_program/_action/status";
-/// Bags from before the topic `run_result` have no reason.
-const NO_REASON: &str = "the reason is not in the bag, which is older than the topic run_result";
+/// The outcome of a goal that was only checked.
+pub(crate) const CHECKED: &str = "checked";
 
-/// How the run ended for which the bag was recorded; `None` if the bag does not say.
+/// How the run ended for which the bag was recorded; `None` if it was recorded for none.
 pub fn of_bag<R: Read + Seek>(bag: &mut Bag<R>) -> Option<RunEnd> {
     let goal = bag.metadata_named(RUN_RECORD)?.get("goal_id")?.clone();
-    let results = messages(bag, RunResult::TYPE_NAME, "");
-    let statuses = messages(bag, GoalStatusArray::TYPE_NAME, STATUS_TOPIC);
-    of_goal(&goal, &results, &statuses)
-}
-
-/// How the run of a goal ended.
-pub fn of_goal(goal: &str, results: &[RunResult], statuses: &[GoalStatusArray]) -> Option<RunEnd> {
-    if let Some(result) = last_result(results, goal) {
+    let results: Vec<RunResult> = messages(bag, RunResult::TYPE_NAME, "");
+    if let Some(result) = last_result(&results, &goal) {
         return Some(of_message(result));
     }
-    let (outcome, message) = match last_status(statuses, goal)? {
-        GoalStatus::STATUS_SUCCEEDED => ("succeeded", ""),
-        GoalStatus::STATUS_CANCELED => ("canceled", NO_REASON),
-        GoalStatus::STATUS_ABORTED => ("aborted", NO_REASON),
-        _ => return None,
+    let has_topic = has_result_topic(bag);
+    let statuses: Vec<_> = messages(bag, GoalStatusArray::TYPE_NAME, STATUS_TOPIC);
+    let states: Vec<MachineState> = messages(bag, MachineState::TYPE_NAME, "");
+    Some(without_result(last_status(&statuses, &goal), states.iter(), has_topic))
+}
+
+/// Whether a bag is not older than the topic `run_result`.
+pub(crate) fn has_result_topic<R: Read + Seek>(bag: &Bag<R>) -> bool {
+    bag.channels().iter().any(|it| it.type_name() == RunResult::TYPE_NAME)
+}
+
+/// How a run ended of which the driver has published no result.
+///
+/// A goal that is only checked has none. A driver that was killed has published none, and ended no goal.
+pub(crate) fn without_result<'a>(
+    status: Option<i8>,
+    states: impl Iterator<Item = &'a MachineState>,
+    has_topic: bool,
+) -> RunEnd {
+    let last = Last::of(states);
+    let end = |outcome: &str, message: String, last_line| {
+        let outcome = outcome.to_owned();
+        RunEnd { outcome, error_code: 0, message, last_line }
     };
-    Some(RunEnd { outcome: outcome.into(), error_code: 0, message: message.into(), last_line: 0 })
+    match status {
+        Some(GoalStatus::STATUS_SUCCEEDED) if has_topic => {
+            end(CHECKED, "nothing was sent to the machine".into(), 0)
+        }
+        Some(GoalStatus::STATUS_SUCCEEDED) => end("succeeded", String::new(), last.line),
+        Some(GoalStatus::STATUS_CANCELED) => end("canceled", String::new(), last.line),
+        Some(GoalStatus::STATUS_ABORTED) => end("aborted", last.reason(), last.line),
+        _ => {
+            let message = format!(
+                "the driver has not said how the run ended: it was killed in the run, or the record stops before the \
+                 end ({})",
+                last.reason()
+            );
+            end("unknown", message, last.line)
+        }
+    }
+}
+
+/// What `machine_state` says of the end of a run.
+#[derive(Debug, Default)]
+struct Last<'a> {
+    reason: Option<&'a str>,
+    line: u32,
+}
+
+impl<'a> Last<'a> {
+    /// The first reason since the machine ran on, but for those of a stop or a start that is under way.
+    fn of(states: impl Iterator<Item = &'a MachineState>) -> Self {
+        const UNDER_WAY: [&str; 3] = ["STOPPING:", "RESETTING:", "CONNECTING:"];
+        let mut last = Self::default();
+        for state in states {
+            let is_run = state.state == MachineState::STATE_RUN;
+            match state.reason.as_str() {
+                "" if is_run => last = Self { reason: None, line: state.line },
+                "" => {}
+                text if UNDER_WAY.iter().any(|begins| text.starts_with(begins)) => {}
+                text if last.reason.is_none() => {
+                    last = Self { reason: Some(text), line: state.line };
+                }
+                _ => {}
+            }
+        }
+        last
+    }
+
+    fn reason(&self) -> String {
+        self.reason.map_or_else(
+            || "machine_state gives no reason".to_owned(),
+            |reason| format!("machine_state says {reason}"),
+        )
+    }
 }
 
 /// How a run ended, according to the driver.
@@ -87,8 +149,12 @@ mod tests {
     use cnc_msgs::wire::action_msgs::msg::GoalInfo;
     use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
 
+    fn state(state: u8, reason: &str, line: u32) -> MachineState {
+        MachineState { state, reason: reason.into(), line, ..MachineState::default() }
+    }
+
     #[test]
-    fn the_driver_s_result_counts_or_else_the_status_of_the_goal() {
+    fn the_driver_s_result_of_the_goal_counts_and_not_that_of_the_run_before() {
         let uuid = |byte| UUID { uuid: [byte; 16] };
         let result = |goal, outcome, error_code, message: &str, last_line| RunResult {
             goal_id: uuid(goal),
@@ -98,33 +164,63 @@ mod tests {
             last_line,
             ..RunResult::default()
         };
+        let before = result(1, RunResult::OUTCOME_SUCCEEDED, 0, "done", 9);
+        let refused = result(2, RunResult::OUTCOME_ABORTED, 309, "error:20 at\nline 5", 4);
+        let goal = "02".repeat(16);
+        assert_eq!(last_result(std::slice::from_ref(&before), &goal), None);
+        let results = [before, refused];
+        let end = of_message(last_result(&results, &goal).expect("its result"));
+        let text = "aborted (309): error:20 at\\nline 5; the last line that was cut is 4";
+        assert_eq!(end.to_string(), text);
         let status = |goal, status| GoalStatusArray {
             status_list: vec![GoalStatus {
                 goal_info: GoalInfo { goal_id: uuid(goal), ..GoalInfo::default() },
                 status,
             }],
         };
-        let before = result(1, RunResult::OUTCOME_SUCCEEDED, 0, "done", 9);
-        let refused = result(2, RunResult::OUTCOME_ABORTED, 309, "error:20 at\nline 5", 4);
-        let aborted = [status(1, 4), status(2, 2), status(2, GoalStatus::STATUS_ABORTED)];
-        for (results, statuses, expected) in [
+        let statuses = [status(2, 2), status(2, GoalStatus::STATUS_ABORTED), status(1, 4)];
+        assert_eq!(last_status(&statuses, &goal), Some(GoalStatus::STATUS_ABORTED));
+    }
+
+    #[test]
+    fn without_a_result_the_states_say_how_it_ended() {
+        const RUN: u8 = MachineState::STATE_RUN;
+        const HOLD: u8 = MachineState::STATE_HOLD;
+        let states = [
+            state(RUN, "", 3),
+            state(HOLD, "COMMANDER_LOST: resume to go on", 4),
+            state(RUN, "", 5),
+            state(RUN, "STOPPING: the port has ended", 8),
+            state(MachineState::STATE_UNKNOWN, "LINK_LOST: the port has ended", 8),
+            state(MachineState::STATE_UNKNOWN, "LINK_LOST: cannot open it", 8),
+        ];
+        let (ran, held) = (&states[..1], &states[..2]);
+        for (status, states, has_topic, expected) in [
+            (4, ran, false, "succeeded; the last line that was cut is 3"),
+            (4, ran, true, "checked: nothing was sent to the machine"),
+            (5, ran, false, "canceled; the last line that was cut is 3"),
             (
-                vec![before.clone(), refused],
-                &aborted[..],
-                "aborted (309): error:20 at\\nline 5; the last line that was cut is 4",
+                6,
+                &states[..],
+                false,
+                "aborted: machine_state says LINK_LOST: the port has ended; the last line that was cut is 8",
             ),
-            // A latched result of the run before does not count for this one.
             (
-                vec![before],
-                &aborted,
-                "aborted: the reason is not in the bag, which is older than the topic run_result",
+                6,
+                ran,
+                false,
+                "aborted: machine_state gives no reason; the last line that was cut is 3",
             ),
-            (vec![], &[status(2, GoalStatus::STATUS_SUCCEEDED)], "succeeded"),
-            (vec![], &[status(2, GoalStatus::STATUS_EXECUTING)], "nothing"),
+            (
+                2,
+                held,
+                true,
+                "unknown: the driver has not said how the run ended: it was killed in the run, or the record stops \
+                 before the end (machine_state says COMMANDER_LOST: resume to go on); the last line that was cut is 4",
+            ),
         ] {
-            let end = of_goal(&"02".repeat(16), &results, statuses);
-            let text = end.map_or("nothing".to_owned(), |end| end.to_string());
-            assert_eq!(text, expected);
+            let end = without_result(Some(status), states.iter(), has_topic);
+            assert_eq!(end.to_string(), expected);
         }
     }
 }

@@ -32,7 +32,7 @@ pub struct AttachmentInfo {
 /// How a run ended, as the driver reported it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct RunEnd {
-    /// `succeeded`, `canceled` or `aborted`.
+    /// `succeeded`, `canceled`, `aborted`, `checked` (nothing was sent) or `unknown`.
     pub outcome: String,
     /// As in the result of `run_program`; 0 when it succeeded.
     pub error_code: u16,

@@ -88,6 +88,19 @@ fn a_run_that_never_ran_proves_nothing_of_the_driver() {
 }
 
 #[test]
+fn of_a_goal_that_was_only_checked_the_plan_is_replayed() {
+    let folder = Folder::new();
+    let path = folder.path().join("bag");
+    let mut bag = TestBag::golden("rs274_touch_off");
+    bag.silence::<wire::RunResult>();
+    bag.write(&path, Form::OURS);
+    let ran = replay(&path, &[]).expect(0);
+    ran.says(&["reproduced", "planner: 0 differences", "its goal was only checked"]);
+    let info = run(kerf().args(["bag", "info"]).arg(&path)).expect(0);
+    info.says(&["result:      checked: nothing was sent to the machine"]);
+}
+
+#[test]
 fn a_bag_that_is_not_all_there_was_is_refused_by_the_level_that_was_asked_for() {
     let lost = |bag: &mut TestBag| {
         for (name, record) in &mut bag.records {
