@@ -54,11 +54,7 @@ pub(crate) fn without_result<'a>(
         Some(GoalStatus::STATUS_CANCELED) => end("canceled", String::new(), last.line),
         Some(GoalStatus::STATUS_ABORTED) => end("aborted", last.reason(), last.line),
         _ => {
-            let message = format!(
-                "the driver has not said how the run ended: it was killed in the run, or the record stops before the \
-                 end ({})",
-                last.reason()
-            );
+            let message = format!("the driver has not said how the run ended; {}", last.reason());
             end("unknown", message, last.line)
         }
     }
@@ -83,7 +79,9 @@ impl<'a> Last<'a> {
                 "" => {}
                 text if UNDER_WAY.iter().any(|begins| text.starts_with(begins)) => {}
                 text if last.reason.is_none() => {
-                    last = Self { reason: Some(text), line: state.line };
+                    // A driver that was started again does not know the line.
+                    let line = if state.line == 0 { last.line } else { state.line };
+                    last = Self { reason: Some(text), line };
                 }
                 _ => {}
             }
@@ -215,8 +213,8 @@ mod tests {
                 2,
                 held,
                 true,
-                "unknown: the driver has not said how the run ended: it was killed in the run, or the record stops \
-                 before the end (machine_state says COMMANDER_LOST: resume to go on); the last line that was cut is 4",
+                "unknown: the driver has not said how the run ended; machine_state says COMMANDER_LOST: resume to go \
+                 on; the last line that was cut is 4",
             ),
         ] {
             let end = without_result(Some(status), states.iter(), has_topic);
