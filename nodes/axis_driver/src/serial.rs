@@ -18,7 +18,7 @@ pub use outbox::{Dropped, Event};
 
 use crate::driver::{Command, DriverConfig};
 use crate::journal::Entry;
-use inbox::{Control, Inbox};
+use inbox::{Inbox, InboxCommand};
 use outbox::Counters;
 use std::io;
 use std::sync::Arc;
@@ -82,17 +82,17 @@ impl Serial {
 
     /// Opens the port. What happens shows in the state.
     pub fn open(&self) -> Result<(), Full> {
-        self.inbox.push_control(Control::Open)
+        self.inbox.push_control(InboxCommand::Open)
     }
 
     /// Closes the port as it is; it is reopened only on request.
     pub fn close(&self) -> Result<(), Full> {
-        self.inbox.push_control(Control::Close)
+        self.inbox.push_control(InboxCommand::Close)
     }
 
     /// Hands a command to the driver; the reply comes as an event with the same id.
     pub fn command(&self, id: u64, command: Command) -> Result<(), Full> {
-        self.inbox.push_control(Control::Command { id, command })
+        self.inbox.push_control(InboxCommand::Command { id, command })
     }
 
     /// The zero of all times in events and entries.

@@ -33,12 +33,12 @@ pub(crate) struct Piece {
 }
 
 /// A control point and its weight.
-pub(crate) type Control = (Point, f64);
+pub(crate) type ControlPoint = (Point, f64);
 
 /// A clamped B-spline with uniform knots; `order` is at least 2, and no more than its points.
 #[derive(Debug)]
 pub(crate) struct Curve<'c> {
-    pub(crate) points: &'c [Control],
+    pub(crate) points: &'c [ControlPoint],
     pub(crate) order: usize,
 }
 
@@ -130,7 +130,7 @@ impl Curve<'_> {
 
     /// The control points of a part of a span alone. As all weights are positive, the part is
     /// within their hull, and goes on along a direction if they do.
-    fn controls(&self, span: usize, [from, to]: [f64; 2]) -> Vec<Control> {
+    fn controls(&self, span: usize, [from, to]: [f64; 2]) -> Vec<ControlPoint> {
         let control = |number: usize| {
             let place = |level: usize| if level <= number { to } else { from };
             let ([x, y, weight], _) = self.polar_form(span, place);
@@ -165,7 +165,7 @@ impl Curve<'_> {
         span: usize,
         part: [f64; 2],
         ends: [Point; 2],
-        controls: &[Control],
+        controls: &[ControlPoint],
     ) -> Option<[Piece; 2]> {
         let [start, end] = ends;
         let (out, into) = (self.direction(span, part, false)?, self.direction(span, part, true)?);
@@ -203,7 +203,7 @@ impl Curve<'_> {
 
 /// Whether a part with these control points goes straight on from one end to the other, or is as
 /// good as a point.
-fn is_straight(controls: &[Control], [start, end]: [Point; 2]) -> bool {
+fn is_straight(controls: &[ControlPoint], [start, end]: [Point; 2]) -> bool {
     if controls.iter().all(|it| length(minus(it.0, start)) <= STRAIGHT_MM) {
         return true;
     }
@@ -297,7 +297,7 @@ mod tests {
     }
 
     /// The Bernstein form of a curve of one span, another way to a point.
-    fn bernstein(points: &[Control], u: f64) -> Point {
+    fn bernstein(points: &[ControlPoint], u: f64) -> Point {
         let n = points.len() - 1;
         let mut sum = [0.0; 3];
         let mut binomial = 1.0;
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[track_caller]
-    fn check(points: &[Control], order: usize, most: usize) {
+    fn check(points: &[ControlPoint], order: usize, most: usize) {
         let curve = Curve { points, order };
         let pieces = curve.pieces().expect("few pieces");
         assert!(pieces.len() <= most, "{} pieces", pieces.len());
@@ -340,7 +340,7 @@ mod tests {
         }
     }
 
-    fn plain(points: &[Point]) -> Vec<Control> {
+    fn plain(points: &[Point]) -> Vec<ControlPoint> {
         points.iter().map(|&point| (point, 1.0)).collect()
     }
 
@@ -411,7 +411,7 @@ mod tests {
                 1 => [1.0, WEIGHT_RATIO_MAX][(random() * 2.0) as usize],
                 _ => 1.0,
             };
-            let points: Vec<Control> = points.into_iter().map(|it| (it, weight())).collect();
+            let points: Vec<ControlPoint> = points.into_iter().map(|it| (it, weight())).collect();
             assert!(Curve { points: &points, order }.has_fair_weights());
             check(&points, order, 10_000);
         }

@@ -8,7 +8,7 @@ pub(super) mod configure;
 pub(super) mod lines;
 mod outcome;
 
-pub(super) use lines::Order;
+pub(super) use lines::ManualOrder;
 
 use super::answer::Refusal;
 use super::context::config::{ANSWER, REPORTS_PER_HOLD, STANDSTILL};
@@ -117,8 +117,8 @@ impl Task {
 
 impl ManualOperation {
     /// Begins with the first of these lines; the others follow.
-    pub(super) fn begin(context: &mut Context, id: u64, order: Order) -> Self {
-        let Order { task, kind, lines } = order;
+    pub(super) fn begin(context: &mut Context, id: u64, order: ManualOrder) -> Self {
+        let ManualOrder { task, kind, lines } = order;
         let until = match task {
             Task::Home => {
                 let limit = Duration::from_secs(u64::from(context.config.homing_s_max));

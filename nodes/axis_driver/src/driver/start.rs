@@ -2,7 +2,7 @@
 
 use super::answer::{Answer, Refusal, done, refused};
 use super::context::overrides::Overrides;
-use super::manual::Order;
+use super::manual::ManualOrder;
 use super::manual::configure::{Configuration, configure};
 use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
 use super::output::LogLevel;
@@ -212,7 +212,7 @@ impl Driver {
         if let Some(refusal) = self.manual_obstacle() {
             return Some(Err(refusal));
         }
-        let order = Order::jog(&self.context, request, self.is_tool_awaited());
+        let order = ManualOrder::jog(&self.context, request, self.is_tool_awaited());
         self.begin_move(id, order, "the jog has begun")
     }
 
@@ -220,11 +220,11 @@ impl Driver {
         if let Some(refusal) = self.manual_obstacle() {
             return Some(Err(refusal));
         }
-        let order = Order::probe(&self.context, request, self.is_tool_awaited());
+        let order = ManualOrder::probe(&self.context, request, self.is_tool_awaited());
         self.begin_move(id, order, "the probe has begun")
     }
 
-    fn begin_move(&mut self, id: u64, order: Result<Order, Refusal>, text: &str) -> Answer {
+    fn begin_move(&mut self, id: u64, order: Result<ManualOrder, Refusal>, text: &str) -> Answer {
         Some(order.map(|order| {
             self.begin_manual(id, order);
             text.to_owned()
@@ -240,7 +240,7 @@ impl Driver {
                         the other axes as it left them";
             return refused(error_code::INVALID_REQUEST, text);
         }
-        match Order::set_work_offset(&self.context, request) {
+        match ManualOrder::set_work_offset(&self.context, request) {
             Ok(order) => self.begin_manual(id, order),
             Err(refusal) => return Some(Err(refusal)),
         }
@@ -266,7 +266,7 @@ impl Driver {
     pub(super) fn unlock(&mut self, id: u64) -> Answer {
         match (&self.phase, self.context.machine.mode()) {
             (Phase::Ready, Mode::Alarm) => {
-                self.begin_manual(id, Order::unlock());
+                self.begin_manual(id, ManualOrder::unlock());
                 None
             }
             (Phase::Ready, mode) => {
@@ -287,14 +287,14 @@ impl Driver {
             return refused(error_code::NO_HOMING, text);
         }
         self.context.machine.is_homed = false;
-        self.begin_manual(id, Order::home());
+        self.begin_manual(id, ManualOrder::home());
         None
     }
 
     pub(super) fn sleep(&mut self, id: u64) -> Answer {
         match (&self.phase, self.context.machine.mode()) {
             (Phase::Ready, Mode::Idle | Mode::Alarm) => {
-                self.begin_manual(id, Order::sleep());
+                self.begin_manual(id, ManualOrder::sleep());
                 None
             }
             _ => self.obstacle().map(Err),

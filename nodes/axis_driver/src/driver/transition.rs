@@ -4,7 +4,7 @@
 
 use super::answer::Refusal;
 use super::connect::Connecting;
-use super::manual::{ManualEnd, ManualOperation, Order};
+use super::manual::{ManualEnd, ManualOperation, ManualOrder};
 use super::next::Next;
 use super::output::{LogLevel, Output, RunOutcome, RunResult};
 use super::run::exit::{Exit, RunVerdict};
@@ -77,7 +77,7 @@ impl Driver {
         self.phase = Phase::Connecting(Connecting::after_restart(&mut self.context));
     }
 
-    pub(super) fn begin_manual(&mut self, id: u64, order: Order) {
+    pub(super) fn begin_manual(&mut self, id: u64, order: ManualOrder) {
         self.pause_run();
         let operation = ManualOperation::begin(&mut self.context, id, order);
         self.phase = Phase::Manual(Box::new(operation));

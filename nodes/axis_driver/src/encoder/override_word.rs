@@ -41,15 +41,14 @@ impl AllowedOverrides {
         let Action::Auxiliary { letter: 'M', number, words } = *action else { return None };
         let number = (50..=53_u8).find(|known| f64::from(*known) == number)?;
         let is_on = words.value('P')? != 0.0;
-        let refused = |why: &str| {
-            let word = format!("{}: {why}", action.text());
-            Some(Err(EncodeProblem::Unsupported { word }))
-        };
+        let refused = |why| Some(Err(EncodeProblem::NeverDone { word: action.text(), why }));
         match (number, is_on) {
             (50, _) => Some(Ok(Self { feed: is_on, ..self })),
             (51, _) => Some(Ok(Self { spindle: is_on, ..self })),
-            (52, true) => refused("it has no input that the feed could follow"),
-            (53, false) => refused("a feed hold has to work at any time, so delete the word"),
+            (52, true) => {
+                refused("no controller here adapts the feed to an input; delete the word")
+            }
+            (53, false) => refused("a feed hold has to work at any time; delete the word"),
             _ => Some(Ok(self)),
         }
     }
@@ -83,8 +82,8 @@ mod tests {
             (nothing, 51.0, "P1", Ok(spindle)),
             (feed, 52.0, "P0", Ok(feed)),
             (feed, 53.0, "P1", Ok(feed)),
-            (all, 52.0, "P1", Err("M52 P1: it has no input")),
-            (all, 53.0, "P0", Err("M53 P0: a feed hold has to work")),
+            (all, 52.0, "P1", Err("M52 P1 is not done: no controller")),
+            (all, 53.0, "P0", Err("M53 P0 is not done: a feed hold has to work")),
         ] {
             let words = Words::new(words).expect("short");
             let action = Action::Auxiliary { letter: 'M', number, words };

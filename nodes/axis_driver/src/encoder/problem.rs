@@ -106,6 +106,8 @@ pub enum EncodeProblem {
         "{word} switches when the next motion begins, and none follows: M64, M65 and M68 switch where they stand"
     )]
     NoMotionAfter { word: String },
+    #[error("{word} is not done: {why}")]
+    NeverDone { word: String, why: &'static str },
     #[error("this controller has no {word}")]
     Unsupported { word: String },
     #[error("{word} comes after the end of the program in line {end}")]

@@ -61,8 +61,29 @@ fn text_of(step: &EncoderStep) -> String {
         }
         EncoderStep::ControllerChange { tool, .. } => format!("(T{tool} by the controller)"),
         EncoderStep::CheckReturn { .. } => "(return)".into(),
+        EncoderStep::AllowOverrides { allowed, .. } => format!("(allows {allowed})"),
         EncoderStep::Home { text, .. } => format!("({text})"),
     }
+}
+
+#[test]
+fn each_change_of_what_may_be_overridden_is_a_step() {
+    let word = |number: f64, words: &str| {
+        let words = Words::new(words).expect("short");
+        Action::Auxiliary { letter: 'M', number, words }
+    };
+    let path = actions(&[
+        word(50.0, "P0"),
+        word(51.0, "P0"),
+        word(50.0, "P0"),
+        word(53.0, "P1"),
+        word(50.0, "P1"),
+    ]);
+    let steps = ["(allows spindle)", "(allows none)", "(allows feed and rapid)"];
+    assert_eq!(encode(path), steps);
+    let refused = problem(actions(&[word(53.0, "P0")]));
+    let text = "line 7: M53 P0 is not done: a feed hold has to work at any time; delete the word";
+    assert!(refused.starts_with(text), "{refused}");
 }
 
 fn problem(path: CompensatedPath) -> String {

@@ -20,7 +20,7 @@ const CONTROLS_MAX: usize = 256;
 pub struct Full;
 
 #[derive(Debug)]
-pub(super) enum Control {
+pub(super) enum InboxCommand {
     Open,
     Close,
     Command { id: u64, command: Command },
@@ -44,7 +44,7 @@ pub(super) struct Opened {
 /// All that has come in since the last time.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
-    pub(super) controls: VecDeque<Control>,
+    pub(super) controls: VecDeque<InboxCommand>,
     pub(super) opened: Option<Opened>,
     pub(super) failed: Option<WriterFailed>,
     pub(super) is_stopped: bool,
@@ -67,7 +67,7 @@ impl Inbox {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn push_control(&self, control: Control) -> Result<(), Full> {
+    pub(super) fn push_control(&self, control: InboxCommand) -> Result<(), Full> {
         let mut waiting = self.lock();
         if waiting.controls.len() >= CONTROLS_MAX {
             return Err(Full);

@@ -1,6 +1,6 @@
 //! The thread that owns the driver.
 
-use super::inbox::{Batch, Control, Inbox, Opened, WriterFailed};
+use super::inbox::{Batch, Inbox, InboxCommand, Opened, WriterFailed};
 use super::outbox::{Event, Outbox};
 use super::{Reopen, SerialConfig};
 use crate::driver::{Command, Driver, Input, Output};
@@ -150,9 +150,9 @@ impl Owner {
         next.min(most)
     }
 
-    fn on_control(&mut self, control: Control) {
+    fn on_control(&mut self, control: InboxCommand) {
         match control {
-            Control::Open => {
+            InboxCommand::Open => {
                 self.wants_open = true;
                 self.last_reason.clear();
                 if self.port.is_none() {
@@ -160,7 +160,7 @@ impl Owner {
                     self.open();
                 }
             }
-            Control::Close => {
+            InboxCommand::Close => {
                 let was_wanted = std::mem::take(&mut self.wants_open);
                 self.reopen_at = None;
                 // A port that was tried in vain is not tried any more.
@@ -168,7 +168,7 @@ impl Owner {
                     self.report_closed("closed as asked".into());
                 }
             }
-            Control::Command { id, command } => self.handle(Input::Command { id, command }),
+            InboxCommand::Command { id, command } => self.handle(Input::Command { id, command }),
         }
     }
 

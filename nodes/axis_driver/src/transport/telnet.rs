@@ -41,7 +41,7 @@ pub(super) enum Event {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
+enum NvtState {
     Data,
     Command,
     Option(u8),
@@ -56,7 +56,7 @@ pub(super) struct Telnet {
     wanted: &'static [u8],
     ours: Vec<u8>,
     theirs: Vec<u8>,
-    state: State,
+    state: NvtState,
     subnegotiation: Vec<u8>,
 }
 
@@ -64,7 +64,7 @@ impl Telnet {
     /// One that takes part in these options and refuses all others.
     pub(super) fn new(wanted: &'static [u8]) -> Self {
         let (ours, theirs) = (Vec::new(), Vec::new());
-        Self { wanted, ours, theirs, state: State::Data, subnegotiation: Vec::new() }
+        Self { wanted, ours, theirs, state: NvtState::Data, subnegotiation: Vec::new() }
     }
 
     /// Offers to do these options, and asks the peer to do the others.
@@ -84,45 +84,45 @@ impl Telnet {
         received
     }
 
-    fn step(&mut self, byte: u8, to: &mut Received) -> State {
+    fn step(&mut self, byte: u8, to: &mut Received) -> NvtState {
         match (self.state, byte) {
-            (State::Data, IAC) => State::Command,
-            (State::Data, _) => {
+            (NvtState::Data, IAC) => NvtState::Command,
+            (NvtState::Data, _) => {
                 to.data.push(byte);
-                State::Data
+                NvtState::Data
             }
-            (State::Command, IAC) => {
+            (NvtState::Command, IAC) => {
                 to.data.push(IAC);
-                State::Data
+                NvtState::Data
             }
-            (State::Command, DO | DONT | WILL | WONT) => State::Option(byte),
-            (State::Command, SB) => {
+            (NvtState::Command, DO | DONT | WILL | WONT) => NvtState::Option(byte),
+            (NvtState::Command, SB) => {
                 self.subnegotiation.clear();
-                State::Subnegotiation
+                NvtState::Subnegotiation
             }
             // Commands of one byte: nothing, go ahead, are you there.
-            (State::Command, _) => State::Data,
-            (State::Option(verb), option) => {
+            (NvtState::Command, _) => NvtState::Data,
+            (NvtState::Option(verb), option) => {
                 self.negotiate(verb, option, to);
-                State::Data
+                NvtState::Data
             }
-            (State::Subnegotiation, IAC) => State::SubnegotiationCommand,
-            (State::Subnegotiation, _) => {
+            (NvtState::Subnegotiation, IAC) => NvtState::SubnegotiationCommand,
+            (NvtState::Subnegotiation, _) => {
                 self.keep(byte);
-                State::Subnegotiation
+                NvtState::Subnegotiation
             }
-            (State::SubnegotiationCommand, IAC) => {
+            (NvtState::SubnegotiationCommand, IAC) => {
                 self.keep(IAC);
-                State::Subnegotiation
+                NvtState::Subnegotiation
             }
-            (State::SubnegotiationCommand, SE) => {
+            (NvtState::SubnegotiationCommand, SE) => {
                 let all = std::mem::take(&mut self.subnegotiation);
                 to.events.push(Event::Subnegotiation(all));
-                State::Data
+                NvtState::Data
             }
             // It broke off: what follows is a command of its own.
-            (State::SubnegotiationCommand, _) => {
-                self.state = State::Command;
+            (NvtState::SubnegotiationCommand, _) => {
+                self.state = NvtState::Command;
                 self.step(byte, to)
             }
         }

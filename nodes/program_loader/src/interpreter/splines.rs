@@ -5,7 +5,7 @@
 
 use super::moves::End;
 use super::{Interpreter, Scene, arc};
-use crate::curve::{Control, Curve, PIECES_MAX, WEIGHT_RATIO_MAX};
+use crate::curve::{ControlPoint, Curve, PIECES_MAX, WEIGHT_RATIO_MAX};
 use crate::dialect::{GWord, Group, MWord, Mode};
 use crate::limits::{COORDINATE_MM_MAX, EVENTS_MAX};
 use cnc_msgs::contour::{MotionClass, Source};
@@ -46,7 +46,7 @@ const WEIGHT_MIN: f64 = 1e-6;
 /// Control points since G5.2.
 #[derive(Debug, Clone)]
 pub(super) struct OpenCurve {
-    points: Vec<Control>,
+    points: Vec<ControlPoint>,
     order: u32,
     /// A control point was rejected.
     is_broken: bool,
@@ -228,7 +228,7 @@ impl Interpreter<'_> {
     fn follow(
         &mut self,
         scene: &mut Scene<'_>,
-        points: &[Control],
+        points: &[ControlPoint],
         order: usize,
         end: &End,
     ) -> bool {

@@ -17,10 +17,10 @@ use std::sync::{Mutex, PoisonError};
 /// The file, and what programs leave in it.
 pub(super) struct ParameterFile {
     path: PathBuf,
-    state: Mutex<State>,
+    state: Mutex<FileState>,
 }
 
-struct State {
+struct FileState {
     runs: Runs,
     /// Why the file lacks what the newest run has left.
     trouble: Option<String>,
@@ -35,10 +35,10 @@ impl ParameterFile {
     }
 
     fn new(path: PathBuf, runs: Runs) -> Self {
-        Self { path, state: Mutex::new(State { runs, trouble: None }) }
+        Self { path, state: Mutex::new(FileState { runs, trouble: None }) }
     }
 
-    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+    fn state(&self) -> std::sync::MutexGuard<'_, FileState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -11,7 +11,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use super::client::Greeting;
 use super::listen::Listen;
 use super::network::NetworkPort;
-use super::port::{Port, Way};
+use super::port::{Cable, Port};
 use super::serve::{BACKLOG_BYTES_MAX, ServeError, UNREAD_BYTES_MAX, timespec};
 use super::stop::Stop;
 use crate::paced::{Device, LineTiming, PacedLine};
@@ -31,7 +31,7 @@ pub fn serve_device<D: Device>(
     stop: &Stop,
     ready: impl FnOnce(),
 ) -> Result<(), ServeError> {
-    let way = Way::Terminal { link: Some(link.to_path_buf()), resets_on_open: false };
+    let way = Cable::Terminal { link: Some(link.to_path_buf()), resets_on_open: false };
     let port = Port::open(way)?;
     ready();
     serve_port(device, timing, port, look_every, stop)

@@ -16,7 +16,7 @@ use super::serve::ServeError;
 
 /// How peers reach a device.
 #[derive(Debug, Clone)]
-pub(super) enum Way {
+pub(super) enum Cable {
     /// A pseudo-terminal, with a link to it if one is named.
     Terminal { link: Option<PathBuf>, resets_on_open: bool },
     /// A network port. A session outlives its client by `keeps_session`.
@@ -31,12 +31,12 @@ pub(super) enum Port {
 }
 
 impl Port {
-    pub(super) fn open(way: Way) -> Result<Self, ServeError> {
+    pub(super) fn open(way: Cable) -> Result<Self, ServeError> {
         Ok(match way {
-            Way::Terminal { link, resets_on_open } => {
+            Cable::Terminal { link, resets_on_open } => {
                 Self::Terminal(TerminalPort::open(link, resets_on_open)?)
             }
-            Way::Network { listen, keeps_session, greeting } => {
+            Cable::Network { listen, keeps_session, greeting } => {
                 Self::Network(NetworkPort::open(listen, keeps_session, greeting)?)
             }
         })

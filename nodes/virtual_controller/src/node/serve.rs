@@ -10,7 +10,7 @@ use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
 use super::client::Greeting;
 use super::listen::Listen;
-use super::port::{Port, Way};
+use super::port::{Cable, Port};
 use super::report;
 use super::stop::Stop;
 use crate::paced::{LineTiming, PacedLine};
@@ -127,8 +127,8 @@ pub fn serve(
         report::check(path).map_err(|source| ServeError::Report { path: path.clone(), source })?;
     }
     let port = Port::open(match options.listen {
-        None => Way::Terminal { link: options.link, resets_on_open: options.resets_on_open },
-        Some(listen) => Way::Network {
+        None => Cable::Terminal { link: options.link, resets_on_open: options.resets_on_open },
+        Some(listen) => Cable::Network {
             listen,
             keeps_session: options.keeps_session,
             greeting: Greeting::of(options.build.settings.firmware()),

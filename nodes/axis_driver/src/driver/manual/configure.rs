@@ -4,7 +4,7 @@
 //! That is the mask of the status report, `$10`, and nothing else is ever written. The
 //! decision is a function of firmware and mask; writing it is a manual operation.
 
-use super::{Order, Task};
+use super::{ManualOrder, Task};
 use crate::codes::error_code;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
@@ -49,7 +49,7 @@ impl Change {
 /// What `configure` gives.
 pub(in crate::driver) enum Configuration {
     WouldWrite(String),
-    Write(Order),
+    Write(ManualOrder),
 }
 
 /// Says what would be written, or gives what writes it and reads it back.
@@ -77,7 +77,7 @@ pub(in crate::driver) fn configure(
     }
     let line = format!("${REPORT_MASK}={}", change.to);
     let task = Task::Configure { wanted: change.to, done: change.describe() };
-    Ok(Configuration::Write(Order::new(task, LineKind::Slow, [line, SETTINGS.to_owned()])))
+    Ok(Configuration::Write(ManualOrder::new(task, LineKind::Slow, [line, SETTINGS.to_owned()])))
 }
 
 /// Whether the controller reports the mask that was written.

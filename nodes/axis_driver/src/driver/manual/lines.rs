@@ -71,13 +71,13 @@ const G92: u8 = 92;
 
 /// A manual operation that may begin.
 #[derive(Debug)]
-pub(in crate::driver) struct Order {
+pub(in crate::driver) struct ManualOrder {
     pub(in crate::driver) task: Task,
     pub(in crate::driver) kind: LineKind,
     pub(in crate::driver) lines: Vec<String>,
 }
 
-impl Order {
+impl ManualOrder {
     pub(in crate::driver) fn new<const COUNT: usize>(
         task: Task,
         kind: LineKind,
