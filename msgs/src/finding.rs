@@ -159,7 +159,7 @@ pub enum Code {
     /// Move the work zero as the help line says. A program that is longer than the travel must be
     /// split. If the travel is wrong, correct `$130` to `$132` in the controller.
     Travel,
-    /// The tool touches a keep-out box: a clamp, a vice or a fixture.
+    /// The tool touches a keep-out box: a clamp, a vice or a fixture. As a warning: it may.
     ///
     /// Move the clamp and its box, lift the tool above it, or lead around it.
     KeepOut,

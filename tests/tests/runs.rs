@@ -275,7 +275,10 @@ fn with_require_recording_nothing_is_sent_before_the_bag_is_open() {
 
     // An MDI block has no bag: it does not wait for one, and another bag does not hold it.
     line.finished = None;
-    line.begin(Command::ExecuteMdi { path: Arc::new(straight(1, 5.0)) });
+    line.begin(Command::ExecuteMdi {
+        path: Arc::new(straight(1, 5.0)),
+        tool_diameters_mm: Default::default(),
+    });
     line.until("it runs", |line| line.mode() == Mode::Run);
     line.ask(word(false, "No space left on device")).unwrap();
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);

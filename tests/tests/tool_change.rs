@@ -74,7 +74,7 @@ fn probe(distance_mm: f64, may_miss: bool) -> Command {
 }
 
 fn block(path: CompensatedPath) -> Command {
-    Command::ExecuteMdi { path: Arc::new(path) }
+    Command::ExecuteMdi { path: Arc::new(path), tool_diameters_mm: Default::default() }
 }
 
 const CONFIRM: Command = Command::ConfirmToolChange { objection: None };

@@ -205,7 +205,9 @@ fn none_is_called_where_none_may_take_any_time() {
     let config = DriverConfig { user_function_s_max: 0, ..DriverConfig::default() };
     let mut line = Line::new(config, build, &[]);
     line.until("idle", |line| line.mode() == Mode::Idle);
-    let refused = line.ask(Command::ExecuteMdi { path: Arc::new(path()) }).expect_err("a refusal");
+    let refused = line
+        .ask(Command::ExecuteMdi { path: Arc::new(path()), tool_diameters_mm: Default::default() })
+        .expect_err("a refusal");
     assert_eq!(refused.error_code, error_code::NOT_ENCODABLE, "{refused:?}");
     assert!(refused.message.contains("user_function_s_max is 0"), "{refused:?}");
     assert!(line.calls.is_empty());

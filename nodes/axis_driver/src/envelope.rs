@@ -2,14 +2,16 @@
 //!
 //! A path is judged block by block against what the controller says about its machine: the travel
 //! ([`travel`]), keep-out boxes ([`keep_out`]), and the settings that change what a program asks
-//! for ([`functions`]). `distance` measures between a tool and a box. What cannot be judged is
+//! for ([`functions`]). `touch` compares a move with a box, `distance` measures. What cannot be judged is
 //! named, with the reason. Knows no files, and no machine that moves.
 
 mod distance;
 mod functions;
 mod keep_out;
+mod touch;
 mod travel;
 
+use crate::encoder::Encoder;
 use crate::machine_limits::{MachineLimits, StoredOffsets};
 use crate::machine_path::{Known, MachineMove, MachinePath, Step};
 use cnc_msgs::calls::Calls;
@@ -28,6 +30,8 @@ pub struct Envelope {
     walk: MachinePath,
     travel: TravelCheck,
     keep_out: KeepOutCheck,
+    /// Boxes of work systems whose place in the machine is not known.
+    floating: Vec<Floating>,
     functions: FunctionCheck,
     /// What counts once the path has homed a machine that was not.
     after_homing: Option<Box<(TravelCheck, KeepOutCheck)>>,
@@ -40,6 +44,15 @@ pub struct Envelope {
     start: Known,
     /// Of the path.
     calls: Calls,
+}
+
+/// Boxes of one work system, and the path in its frame.
+#[derive(Debug, Clone)]
+struct Floating {
+    /// 1 to 9.
+    system: u8,
+    walk: MachinePath,
+    keep_out: KeepOutCheck,
 }
 
 /// Where a run begins in its path.
@@ -69,6 +82,12 @@ impl Beginning {
         let event = path.events.partition_point(before);
         Self { element, event, approach: None }
     }
+
+    /// Where this encoder stands.
+    pub(crate) fn of_rest(encoder: &Encoder) -> Self {
+        let (element, event) = (encoder.next_element(), encoder.events_begun());
+        Self { element, event, approach: None }
+    }
 }
 
 /// What was found.
@@ -88,6 +107,10 @@ pub struct Workplace<'a> {
     pub tool_diameters_mm: &'a BTreeMap<u32, f64>,
     /// Where the axes are before the first element, machine frame; `None`: not known.
     pub start_in_machine: Option<Position>,
+    /// The T number of the tool in the spindle before the first change; 0: there is none; `None`: not known.
+    pub spindle_tool: Option<u32>,
+    /// What follows homing and probes is judged again when the machine stands there.
+    pub is_judged_again: bool,
 }
 
 impl Envelope {
@@ -104,10 +127,20 @@ impl Envelope {
         };
         // What runs first begins where the tool is, whatever the path says before it.
         let walk_start = if beginning.element == 0 { start } else { [None; 3] };
+        let mut walk = MachinePath::new(path, &limits.offsets, walk_start);
+        walk.begin_with_tool(workplace.spindle_tool);
+        walk.homes_to(limits.home_mm);
+        let (keep_out, systems) = KeepOutCheck::new(limits, workplace);
+        let floating = systems.into_iter().map(|system| {
+            let mut walk = MachinePath::floating(path, system);
+            walk.begin_with_tool(workplace.spindle_tool);
+            Floating { system, walk, keep_out: KeepOutCheck::floating(limits, workplace, system) }
+        });
         Self {
-            walk: MachinePath::new(path, &limits.offsets, walk_start),
+            walk,
             travel: TravelCheck::new(limits, start),
-            keep_out: KeepOutCheck::new(limits, workplace),
+            keep_out,
+            floating: floating.collect(),
             functions: FunctionCheck::new(limits, workplace),
             after_homing: None,
             has_moved: false,
@@ -120,13 +153,14 @@ impl Envelope {
 
     /// The machine is not homed yet: where the path homes all axes, these limits count from there on.
     #[must_use]
-    pub fn homed_by_path(self, limits: &MachineLimits, workplace: Workplace<'_>) -> Self {
+    pub fn homed_by_path(mut self, limits: &MachineLimits, workplace: Workplace<'_>) -> Self {
+        self.walk.homes_to(limits.home_mm);
         let travel = TravelCheck::new(limits, [None; 3]);
-        let keep_out = KeepOutCheck::new(limits, workplace);
+        let (keep_out, _) = KeepOutCheck::new(limits, workplace);
         Self { after_homing: Some(Box::new((travel, keep_out))), ..self }
     }
 
-    /// Goes on from its first element with these stored positions: those that the controller has
+    /// Goes on from its beginning with these stored positions: those that the controller has
     /// there, after all that the path has set before. `here` is where the axes are, machine frame;
     /// `None`: where the path has taken them.
     pub fn go_on_with(
@@ -135,10 +169,19 @@ impl Envelope {
         offsets: &StoredOffsets,
         here: Option<Position>,
     ) {
-        self.advance_to(path, self.beginning.element);
+        let Beginning { element, event, .. } = self.beginning;
+        self.advance_to(path, element);
+        while self.walk.next_event() < event && self.walk.next_element() == element {
+            if !self.step(path) {
+                break;
+            }
+        }
         self.walk.take_offsets(path, offsets);
         if let Some(here) = here {
             self.walk.assume(here);
+        }
+        for it in &mut self.floating {
+            it.walk.float_again(path, it.system);
         }
     }
 
@@ -161,11 +204,18 @@ impl Envelope {
         if (element, event) == (first_element, first_event) {
             self.approach(path);
         }
-        let Some(step) = self.walk.next(path) else { return false };
+        let next = self.walk.next(path);
         let is_run = match self.walk.next_element() > element {
             true => element >= first_element,
             false => event >= first_event,
         };
+        // They take the same steps.
+        for it in &mut self.floating {
+            if let (Some(Step::Move(moved)), true) = (it.walk.next(path), is_run) {
+                it.keep_out.see(&moved);
+            }
+        }
+        let Some(step) = next else { return false };
         match step {
             Step::Move(it) if is_run => {
                 self.see(&it);
@@ -212,11 +262,20 @@ impl Envelope {
         (self.travel, self.keep_out) = *homed;
     }
 
+    /// What was not compared with boxes.
+    pub fn not_compared(&self) -> Vec<String> {
+        let mut report = EnvelopeReport::default();
+        self.keep_out.report(&mut report);
+        self.floating.iter().for_each(|it| it.keep_out.report(&mut report));
+        report.not_judged
+    }
+
     /// What was found in all that was judged.
     pub fn report(&self) -> EnvelopeReport {
         let mut report = self.before_homing.clone();
         self.travel.report(&mut report);
         self.keep_out.report(&mut report);
+        self.floating.iter().for_each(|it| it.keep_out.report(&mut report));
         self.functions.report(&mut report);
         self.calls.explain(&mut report.findings);
         // The same of before and after the homing.

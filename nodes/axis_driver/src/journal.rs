@@ -248,7 +248,7 @@ mod tests {
                 revision: 4,
                 path: path.clone(),
             }),
-            Command::ExecuteMdi { path: path.clone() },
+            Command::ExecuteMdi { path: path.clone(), tool_diameters_mm: [(1, 6.0)].into() },
             Command::SetSingleBlock(true),
             Command::SetConfig(Box::new(DriverConfig {
                 homing_s_max: 7,

@@ -1,23 +1,25 @@
 //! What the settings and offsets of a controller say about its machine.
 //!
 //! Travel, rates, spindle range, work systems: read from `$$`, `$#` and `$I`, whether they come
-//! over the line or out of a file. Each firmware has rules of its own for where the machine zero
-//! lies in the travel; they are here, and those of A to W in [`further`]. Knows no path.
+//! over the line or out of a file. [`table`] has the rules of each firmware for where the machine zero
+//! lies in the travel, [`further`] has A to W, [`offsets`] the stored positions. Knows no path.
 
 mod further;
+mod offsets;
+mod table;
 
-use crate::codes::setting_name;
 use crate::driver::{ControllerSettings, Offset};
 use crate::encoder::Ports;
 use crate::firmware::Firmware;
 use cnc_msgs::contour::work_system;
-use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};
 use cnc_msgs::machine_file::MachineFile;
-use std::collections::BTreeMap;
 
 pub use further::FurtherLimits;
 pub(crate) use further::{Direction, direction};
+pub use offsets::StoredOffsets;
+use table::{Range, Table};
 
 /// Planner blocks where the controller does not say.
 const PLANNER_BLOCKS_DEFAULT: u16 = 15;
@@ -55,6 +57,11 @@ pub struct MachineLimits {
     pub travel_mm: [Option<f64>; 3],
     /// Where the travel lies in the machine frame.
     pub zero: MachineZero,
+    /// Where homing leaves each axis, machine frame, mm; `None` where it is not known.
+    pub home_mm: [Option<f64>; 3],
+    /// The name of its kinematics, where they are not Cartesian: its travel is no box. What it reports
+    /// and is sent is in Cartesian coordinates all the same.
+    pub other_kinematics: Option<String>,
     /// A, B, C, U, V and W; `None` for an axis that the controller does not have.
     pub further: [Option<FurtherLimits>; 6],
     /// Whether the axes are homed, or will be before a program runs.
@@ -76,23 +83,11 @@ pub enum MachineZero {
     /// Least and greatest coordinate of each axis, mm, once the machine is homed; `None` for an
     /// axis that it does not home.
     Placed { bounds_mm: [Option<[f64; 2]>; 3] },
-    /// It is not known, for this reason.
+    /// The machine is homed, so that its coordinates are places. Where the travel lies among them is
+    /// not known, for this reason.
+    Unplaced { because: &'static str },
+    /// A machine coordinate says nothing about a place, for this reason.
     Unknown { because: &'static str },
-}
-
-/// The stored positions of the controller, machine frame, mm and degrees; `None` where they were not
-/// reported.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct StoredOffsets {
-    /// G54 to G59.3.
-    pub systems: [Option<Position>; 9],
-    /// G28 and G30.
-    pub references: [Option<Position>; 2],
-    /// Of G92, added to every work system.
-    pub shift: Position,
-    /// The same for A, B, C, U, V and W; those that are not named are not known.
-    pub further_systems: [FurtherAxes; 9],
-    pub further_shift: FurtherAxes,
 }
 
 /// Settings that cannot be those of a machine.
@@ -210,52 +205,69 @@ impl MachineLimits {
     /// A setting is missing without which nothing can be judged, or has a value that no machine
     /// has.
     pub fn of(settings: &ControllerSettings) -> Result<Self, LimitsProblem> {
+        let (limits, mut problems) = Self::as_far_as(settings);
+        if problems.is_empty() { Ok(limits) } else { Err(problems.swap_remove(0)) }
+    }
+
+    /// Reads as much of it as there is, and what is wrong with the rest. An axis whose travel is not
+    /// readable has none; one whose rate is not has no greatest one.
+    pub fn as_far_as(settings: &ControllerSettings) -> (Self, Vec<LimitsProblem>) {
         let table = Table::of(settings);
-        let axes = |base: u16, range: Range| -> Result<Position, LimitsProblem> {
-            Ok([
-                table.needed(base, range)?,
-                table.needed(base + 1, range)?,
-                table.needed(base + 2, range)?,
-            ])
+        let mut problems = Vec::new();
+        let mut read = |number: u16, range: Range, is_needed: bool| {
+            let value = match is_needed {
+                true => table.needed(number, range).map(Some),
+                false => table.optional(number, range),
+            };
+            value.unwrap_or_else(|problem| {
+                problems.push(problem);
+                None
+            })
         };
-        let travel = axes(130, Range::ZeroOrMore)?;
+        let mut axes =
+            |base: u16, range: Range| [0, 1, 2].map(|axis| read(base + axis, range, true));
+        let reported_travel = axes(130, Range::ZeroOrMore);
         let is_soft = table.flag(20);
         let is_as_delivered = |it: f64| !is_soft && (it - TRAVEL_AS_DELIVERED_MM).abs() < 1e-9;
-        let travel_mm = travel.map(|it| (it > 0.0 && !is_as_delivered(it)).then_some(it));
-        let spindle =
-            [table.optional(31, Range::ZeroOrMore)?, table.optional(30, Range::ZeroOrMore)?];
+        let is_entered = |it: &f64| *it > 0.0 && !is_as_delivered(*it);
+        let travel_mm = reported_travel.map(|it| it.filter(is_entered));
+        let spindle = [31, 30].map(|number| read(number, Range::ZeroOrMore, false));
         let spindle_rpm = match spindle {
             [min, Some(max)] if max > 0.0 => Some([min.unwrap_or(0.0), max]),
             _ => None,
         };
-        Ok(Self {
+        let junction_deviation_mm = read(11, Range::ZeroOrMore, false);
+        let arc_tolerance_mm = read(12, Range::ZeroOrMore, false).filter(|it| *it > 0.0);
+        let mut axes = |base: u16| [0, 1, 2].map(|axis| read(base + axis, Range::More, true));
+        let rate_mm_per_min = axes(110).map(|it| it.unwrap_or(f64::INFINITY));
+        let acceleration_mm_per_s2 = axes(120).map(|it| it.unwrap_or(f64::INFINITY));
+        let has_jerk = settings.firmware == Firmware::GrblHal && table.has(800);
+        let jerk_mm_per_s3 = has_jerk.then(|| axes(800).map(|it| it.unwrap_or(f64::INFINITY)));
+        let steps_per_mm = match table.has(100) {
+            true => axes(100).map(|it| it.unwrap_or(STEPS_PER_MM_DEFAULT)),
+            false => [STEPS_PER_MM_DEFAULT; 3],
+        };
+        let further = table.further(settings).unwrap_or_else(|problem| {
+            problems.push(problem);
+            [None; 6]
+        });
+        let limits = Self {
             firmware: settings.firmware,
             planner_blocks: usize::from(settings.planner_blocks.max(1)),
-            junction_deviation_mm: table
-                .optional(11, Range::ZeroOrMore)?
-                .unwrap_or(JUNCTION_DEVIATION_MM),
-            arc_tolerance_mm: table
-                .optional(12, Range::ZeroOrMore)?
-                .filter(|tolerance| *tolerance > 0.0)
-                .unwrap_or(ARC_TOLERANCE_MM),
-            rate_mm_per_min: axes(110, Range::More)?,
-            acceleration_mm_per_s2: axes(120, Range::More)?,
-            jerk_mm_per_s3: match settings.firmware {
-                Firmware::GrblHal if table.values.contains_key(&800) => {
-                    Some(axes(800, Range::More)?)
-                }
-                _ => None,
-            },
-            steps_per_mm: match table.values.contains_key(&100) {
-                true => axes(100, Range::More)?,
-                false => [STEPS_PER_MM_DEFAULT; 3],
-            },
+            junction_deviation_mm: junction_deviation_mm.unwrap_or(JUNCTION_DEVIATION_MM),
+            arc_tolerance_mm: arc_tolerance_mm.unwrap_or(ARC_TOLERANCE_MM),
+            rate_mm_per_min,
+            acceleration_mm_per_s2,
+            jerk_mm_per_s3,
+            steps_per_mm,
             travel_mm,
-            zero: table.zero(settings, travel),
-            further: table.further(settings)?,
+            zero: table.zero(settings, reported_travel),
+            home_mm: std::array::from_fn(|axis| table.home(settings, axis, reported_travel[axis])),
+            other_kinematics: None,
+            further,
             is_homed: table.mask(22) & HOMING_ON != 0,
             spindle_rpm,
-            is_laser: table.values.get(&32) == Some(&"1"),
+            is_laser: table.is(32, "1"),
             spindle_sync: match settings.firmware {
                 Firmware::GrblHal => settings.spindle_sync,
                 // They know no G33.
@@ -265,8 +277,9 @@ impl MachineLimits {
                 Firmware::GrblHal => settings.ports,
                 Firmware::Grbl | Firmware::FluidNc => Some(Ports::default()),
             },
-            offsets: StoredOffsets::of(&settings.offsets)?,
-        })
+            offsets: StoredOffsets::of(&settings.offsets, &mut problems),
+        };
+        (limits, problems)
     }
 
     /// A machine of which nothing is known, for a time that is better than none.
@@ -282,6 +295,8 @@ impl MachineLimits {
             steps_per_mm: [STEPS_PER_MM_DEFAULT; 3],
             travel_mm: [None; 3],
             zero: MachineZero::Unknown { because: "the controller has not reported its settings" },
+            home_mm: [None; 3],
+            other_kinematics: None,
             further: [None; 6],
             is_homed: false,
             spindle_rpm: None,
@@ -297,7 +312,9 @@ impl MachineLimits {
     pub fn not_homed(self) -> Self {
         let because = "the machine is not homed";
         let zero = match self.zero {
-            MachineZero::Placed { .. } => MachineZero::Unknown { because },
+            MachineZero::Placed { .. } | MachineZero::Unplaced { .. } => {
+                MachineZero::Unknown { because }
+            }
             unknown @ MachineZero::Unknown { .. } => unknown,
         };
         let not_placed = |it: FurtherLimits| FurtherLimits { bounds: None, ..it };
@@ -305,179 +322,35 @@ impl MachineLimits {
         Self { zero, further, is_homed: false, ..self }
     }
 
-    /// Whether a machine coordinate says nothing about a place. Where only the travel is not
-    /// placed, it does.
-    pub(crate) fn frame_is_unknown(&self) -> bool {
-        let is_travel_alone = self.firmware == Firmware::FluidNc && self.is_homed;
-        !is_travel_alone && matches!(self.zero, MachineZero::Unknown { .. })
+    /// The same for a machine whose travel is no box: its coordinates are places once it is homed.
+    #[must_use]
+    pub fn with_other_kinematics(self, name: &str) -> Self {
+        let because = "the kinematics are not Cartesian";
+        let zero = match self.zero {
+            MachineZero::Placed { .. } | MachineZero::Unplaced { .. } => {
+                MachineZero::Unplaced { because }
+            }
+            unknown @ MachineZero::Unknown { .. } => unknown,
+        };
+        let other_kinematics = Some(name.to_owned());
+        Self { zero, other_kinematics, travel_mm: [None; 3], home_mm: [None; 3], ..self }
+    }
+
+    /// The kinematics, where rapids are no straight lines with them: grblHAL cuts only feeds into short
+    /// segments (`wall_plotter.c`, `polar.c`), but its delta all, as FluidNC does.
+    pub(crate) fn bows_rapids(&self) -> Option<&str> {
+        let name = self.other_kinematics.as_deref()?;
+        let bows = self.firmware == Firmware::GrblHal && !name.eq_ignore_ascii_case("delta");
+        bows.then_some(name)
     }
 
     /// The axes that homing leaves where they are, although the machine is homed.
     pub(crate) fn axes_not_homed(&self) -> impl Iterator<Item = char> {
         let bounds = match self.zero {
             MachineZero::Placed { bounds_mm } => bounds_mm,
-            MachineZero::Unknown { .. } => [Some([0.0; 2]); 3],
+            MachineZero::Unplaced { .. } | MachineZero::Unknown { .. } => [Some([0.0; 2]); 3],
         };
         AXIS_LETTERS.into_iter().zip(bounds).filter(|it| it.1.is_none()).map(|it| it.0)
-    }
-}
-
-fn what(firmware: Firmware, number: u16) -> String {
-    match setting_name(firmware, number) {
-        Some((name, "")) => name.to_owned(),
-        Some((name, unit)) => format!("{name}, {unit}"),
-        None => "a setting".to_owned(),
-    }
-}
-
-/// What a number may be.
-#[derive(Debug, Clone, Copy)]
-enum Range {
-    ZeroOrMore,
-    More,
-}
-
-/// The settings by number.
-struct Table<'a> {
-    firmware: Firmware,
-    values: BTreeMap<u16, &'a str>,
-}
-
-impl<'a> Table<'a> {
-    fn of(settings: &'a ControllerSettings) -> Self {
-        let rows = settings.settings.iter().map(|(number, value)| (*number, value.trim()));
-        Self { firmware: settings.firmware, values: rows.collect() }
-    }
-
-    fn optional(&self, number: u16, range: Range) -> Result<Option<f64>, LimitsProblem> {
-        let Some(text) = self.values.get(&number) else { return Ok(None) };
-        let words = match range {
-            Range::ZeroOrMore => "of at least 0",
-            Range::More => "above 0",
-        };
-        let fits = |value: &f64| match range {
-            Range::ZeroOrMore => value.is_finite() && *value >= 0.0,
-            Range::More => value.is_finite() && *value > 0.0,
-        };
-        match text.parse().ok().filter(fits) {
-            Some(value) => Ok(Some(value)),
-            None => Err(LimitsProblem::Range {
-                number,
-                what: what(self.firmware, number),
-                value: (*text).to_owned(),
-                range: words,
-            }),
-        }
-    }
-
-    fn needed(&self, number: u16, range: Range) -> Result<f64, LimitsProblem> {
-        self.optional(number, range)?.ok_or_else(|| LimitsProblem::Missing {
-            number,
-            what: what(self.firmware, number),
-            firmware: self.firmware.traits().name,
-        })
-    }
-
-    fn mask(&self, number: u16) -> u32 {
-        self.values.get(&number).and_then(|text| text.parse().ok()).unwrap_or(0)
-    }
-
-    fn flag(&self, number: u16) -> bool {
-        self.mask(number) != 0
-    }
-
-    /// Where the travel lies, as the check of each firmware has it.
-    fn zero(&self, settings: &ControllerSettings, travel: Position) -> MachineZero {
-        if self.mask(22) & HOMING_ON == 0 {
-            let because = "homing is switched off ($22=0)";
-            return MachineZero::Unknown { because };
-        }
-        if settings.firmware == Firmware::FluidNc {
-            let because = "FluidNC does not report where the machine zero lies (mpos_mm)";
-            return MachineZero::Unknown { because };
-        }
-        let bounds = |axis: usize| {
-            self.is_axis_homed(axis).then(|| self.bounds(settings, axis, travel[axis]))
-        };
-        MachineZero::Placed { bounds_mm: std::array::from_fn(bounds) }
-    }
-
-    /// Whether homing takes in an axis. grblHAL says so (`$44` and up, one mask for each pass); the
-    /// others home X, Y and Z.
-    fn is_axis_homed(&self, axis: usize) -> bool {
-        match self.values.contains_key(&44) {
-            true => (44..=49).any(|pass| self.mask(pass) >> axis & 1 == 1),
-            false => axis < 3,
-        }
-    }
-
-    /// Least and greatest coordinate of an axis that is homed, as the check of the firmware has it.
-    fn bounds(&self, settings: &ControllerSettings, axis: usize, travel: f64) -> [f64; 2] {
-        let is_negative_homing = self.mask(23) >> axis & 1 == 1;
-        match settings.firmware {
-            // `system_check_travel_limits`; the letter says HOMING_FORCE_SET_ORIGIN.
-            Firmware::Grbl if settings.options.contains('Z') && is_negative_homing => [0.0, travel],
-            Firmware::Grbl | Firmware::FluidNc => [-travel, 0.0],
-            // `limits_set_work_envelope`: the pull-off is kept where hard and soft limits are on.
-            Firmware::GrblHal => {
-                const FORCE_SET_ORIGIN: u32 = 1 << 3;
-                let zero_is_at_the_switches = self.mask(22) & FORCE_SET_ORIGIN != 0;
-                let is_kept = self.flag(20) && self.flag(21);
-                let reported = self.values.get(&27).and_then(|text| text.parse().ok());
-                let pull_off: f64 = reported.filter(|_| is_kept).unwrap_or(0.0);
-                match (zero_is_at_the_switches, is_negative_homing) {
-                    (true, true) => [0.0, travel - pull_off],
-                    (true, false) => [pull_off - travel, 0.0],
-                    (false, _) => [pull_off - travel, 0.0 - pull_off],
-                }
-            }
-        }
-    }
-}
-
-/// Stored positions nearer to each other than this are the same, mm: decimals, of inches too.
-const SAME_MM: f64 = 0.006;
-
-impl StoredOffsets {
-    /// Whether all positions are the same ones.
-    pub(crate) fn is_near(&self, other: &Self) -> bool {
-        let is_same = |(a, b): (&Option<Position>, &Option<Position>)| match (a, b) {
-            (Some(a), Some(b)) => (0..3).all(|axis| (a[axis] - b[axis]).abs() <= SAME_MM),
-            (a, b) => a.is_some() == b.is_some(),
-        };
-        let shift = (&Some(self.shift), &Some(other.shift));
-        let systems = self.systems.iter().zip(&other.systems);
-        let further = self.further_systems.iter().zip(&other.further_systems);
-        let mut further = further.chain([(&self.further_shift, &other.further_shift)]);
-        systems.chain(self.references.iter().zip(&other.references)).chain([shift]).all(is_same)
-            && further.all(|(a, b)| a.is_near(*b, SAME_MM))
-    }
-
-    fn of(offsets: &[Offset]) -> Result<Self, LimitsProblem> {
-        let mut stored = Self::default();
-        for Offset { name, position, further } in offsets {
-            if let Some((axis, value)) = further.iter().find(|it| !it.1.is_finite()) {
-                let (name, letter) = (name.clone(), FURTHER_LETTERS[axis]);
-                return Err(LimitsProblem::OffsetValue { name, letter, value });
-            }
-            if let Some(axis) = (0..3).find(|axis| !position[*axis].is_finite()) {
-                let (name, letter) = (name.clone(), AXIS_LETTERS[axis]);
-                return Err(LimitsProblem::OffsetValue { name, letter, value: position[axis] });
-            }
-            let system = (1..=9).find(|system| work_system(*system) == *name);
-            match (name.as_str(), system) {
-                (_, Some(system)) => {
-                    stored.systems[usize::from(system) - 1] = Some(*position);
-                    stored.further_systems[usize::from(system) - 1] = *further;
-                }
-                ("G28", _) => stored.references[0] = Some(*position),
-                ("G30", _) => stored.references[1] = Some(*position),
-                ("G92", _) => (stored.shift, stored.further_shift) = (*position, *further),
-                // A stored position that nobody here knows.
-                _ => {}
-            }
-        }
-        Ok(stored)
     }
 }
 

@@ -4,65 +4,16 @@
 //! stored offsets. This file walks along a path and keeps both, axis by axis, with what is not
 //! known: nobody has said where the tool is before the first move of an axis. Judges nothing.
 
+mod moves;
+
+pub(crate) use moves::{FurtherStep, Known, Lost, MachineMove, MoveFrame, Somewhere};
+
 use crate::encoder::words::to_grid;
 use crate::machine_limits::StoredOffsets;
-use cnc_msgs::contour::{Action, Source, work_system};
+use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{Arc, AxisSet, Position, Shape};
 use cnc_msgs::path::CompensatedPath;
-
-/// A coordinate of each axis, where it is known.
-pub(crate) type Known = [Option<f64>; 3];
-
-/// One move of the axes, mm; positions are those of the axes, with the tool length in them.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct MachineMove {
-    pub(crate) from: Known,
-    pub(crate) to: Known,
-    /// Its centre is in the machine frame.
-    pub(crate) arc: Option<Arc>,
-    /// `None` for a rapid.
-    pub(crate) feed_mm_per_min: Option<f64>,
-    pub(crate) source: Source,
-    pub(crate) frame: MoveFrame,
-    /// The axes that this move gives.
-    pub(crate) axes: AxisSet,
-    /// What of Z is the tool length.
-    pub(crate) tool_length_mm: f64,
-    pub(crate) tool: u32,
-}
-
-/// What a move is written in.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum MoveFrame {
-    /// A work system, 1 to 9, and what is added to its coordinates, mm.
-    Work { system: u8, offset: Known },
-    /// `G53`, `G28`, `G30`.
-    Machine(&'static str),
-}
-
-impl MoveFrame {
-    /// `G54`, `G53`.
-    pub(crate) fn name(&self) -> String {
-        match self {
-            Self::Work { system, .. } => work_system(*system),
-            Self::Machine(word) => (*word).to_owned(),
-        }
-    }
-}
-
-/// A move of A, B, C, U, V or W: along with the next move, or alone.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct FurtherStep {
-    pub(crate) mode: FurtherMode,
-    /// In the machine frame, as far as it is known.
-    pub(crate) from: FurtherAxes,
-    pub(crate) to: FurtherAxes,
-    /// As the program gives them, in this frame.
-    pub(crate) named: FurtherAxes,
-    pub(crate) frame: MoveFrame,
-    pub(crate) source: Source,
-}
 
 /// Walks along a path.
 #[derive(Debug, Clone)]
@@ -73,8 +24,16 @@ pub(crate) struct MachinePath {
     /// 1 to 9.
     system: u8,
     tool_length_mm: f64,
-    tool: u32,
+    tool: Option<u32>,
     at: Known,
+    /// Of axes that are not known.
+    somewhere: [Somewhere; 3],
+    /// Why work systems are not known.
+    lost_systems: [[Lost; 3]; 9],
+    /// Where homing leaves the axes.
+    home: Known,
+    /// The frame is that of a work system: where the machine zero lies in it is not known.
+    is_floating: bool,
     further_systems: [FurtherAxes; 9],
     further_shift: FurtherAxes,
     /// In the machine frame, as far as it is known.
@@ -114,8 +73,12 @@ impl MachinePath {
             // The words that every run begins with.
             system: 1,
             tool_length_mm: 0.0,
-            tool: 0,
+            tool: None,
             at,
+            somewhere: [Somewhere::of(Lost::Start); 3],
+            lost_systems: [[Lost::Frame; 3]; 9],
+            home: [None; 3],
+            is_floating: false,
             further_systems: offsets.further_systems,
             further_shift: offsets.further_shift,
             further_at: FurtherAxes::NONE,
@@ -134,10 +97,30 @@ impl MachinePath {
         begun
     }
 
+    /// The same in the frame of one work system, 1 to 9: nothing else is known of the machine.
+    pub(crate) fn floating(path: &CompensatedPath, system: u8) -> Self {
+        Self { is_floating: true, ..Self::new(path, &floating_offsets(system), [None; 3]) }
+    }
+
+    /// This tool is in the spindle at the beginning.
+    pub(crate) fn begin_with_tool(&mut self, tool: Option<u32>) {
+        self.tool = tool;
+    }
+
+    /// Where homing leaves the axes, as far as it is known.
+    pub(crate) fn homes_to(&mut self, home: Known) {
+        self.home = home;
+    }
+
     /// A place of the work system in force; where its offset is not known, the offset is 0.
     pub(crate) fn work_place(&self, place: Position) -> Position {
         let offset = self.offset();
         std::array::from_fn(|axis| place[axis] + offset[axis].unwrap_or(0.0))
+    }
+
+    /// The path may have set offsets up to here: the frame is that of one work system again.
+    pub(crate) fn float_again(&mut self, path: &CompensatedPath, system: u8) {
+        self.take_offsets(path, &floating_offsets(system));
     }
 
     /// These are the stored positions now, whatever the path has made of them up to here.
@@ -146,11 +129,16 @@ impl MachinePath {
         (self.systems, self.references, self.shift) =
             (begun.systems, begun.references, begun.shift);
         (self.further_systems, self.further_shift) = (begun.further_systems, begun.further_shift);
+        self.lost_systems = begun.lost_systems;
         let (start, offset) = (path.start_of(self.next_element), self.offset());
         // Where a probe has ended, the path does not say.
         let is_probed = self.probed;
         self.at = std::array::from_fn(|axis| {
             offset[axis].filter(|_| !is_probed.contains(axis)).map(|it| it + start[axis])
+        });
+        self.somewhere = std::array::from_fn(|axis| match is_probed.contains(axis) {
+            true => Somewhere::of(Lost::Probe),
+            false => Somewhere::of(Lost::Frame),
         });
         self.further_at = FurtherAxes::NONE;
     }
@@ -198,7 +186,8 @@ impl MachinePath {
                 true => MoveFrame::Machine("the way to the beginning"),
                 false => MoveFrame::Work { system, offset },
             };
-            MachineMove { to, ..self.moved(from, None, None, source, frame, axes) }
+            let before = (from, [Somewhere::of(Lost::Start); 3]);
+            MachineMove { to, ..self.moved(before, None, None, source, frame, axes) }
         };
         [
             moved(here, up, z_alone),
@@ -240,7 +229,8 @@ impl MachinePath {
 
     fn element(&mut self, path: &CompensatedPath, index: usize) -> MachineMove {
         let element = &path.elements[index];
-        let (start, offset, from) = (path.start_of(index), self.offset(), self.at);
+        let (start, offset, before) = (path.start_of(index), self.offset(), self.place());
+        let from = before.0;
         let mut axes = AxisSet::NONE;
         let arc = match element.shape {
             Shape::Line => None,
@@ -251,9 +241,18 @@ impl MachinePath {
             let moves = to_grid(element.end[axis]) != to_grid(start[axis]);
             if is_of_arc || moves || element.axes.contains(axis) {
                 axes = axes.with(axis);
-                self.at[axis] = match self.relative.contains(axis) {
-                    true => from[axis].map(|it| it + element.end[axis] - start[axis]),
+                let is_relative = self.relative.contains(axis);
+                let way = element.end[axis] - start[axis];
+                self.at[axis] = match is_relative {
+                    true => from[axis].map(|it| it + way),
                     false => offset[axis].map(|it| it + element.end[axis]),
+                };
+                self.somewhere[axis] = match is_relative {
+                    true => {
+                        let within = before.1[axis].within.map(|ends| ends.map(|it| it + way));
+                        Somewhere { within, ..before.1[axis] }
+                    }
+                    false => Somewhere::of(self.lost_system(axis)),
                 };
             }
         }
@@ -264,17 +263,32 @@ impl MachinePath {
         self.probed = self.probed.without(axes.without(self.relative));
         self.relative = AxisSet::NONE;
         let frame = MoveFrame::Work { system: self.system, offset };
-        let moved = self.moved(from, arc, element.feed_mm_per_min, element.source, frame, axes);
+        let moved = self.moved(before, arc, element.feed_mm_per_min, element.source, frame, axes);
         if std::mem::take(&mut self.is_probe) && !self.misses_probes {
-            (0..3).filter(|&axis| axes.contains(axis)).for_each(|axis| self.at[axis] = None);
+            for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+                // On its way, wherever it touches.
+                let ends = from[axis].zip(self.at[axis].take());
+                let within = ends.map(|(from, to)| [from.min(to), from.max(to)]);
+                self.somewhere[axis] = Somewhere { lost: Lost::Probe, within };
+            }
             self.probed = self.probed.union(axes);
         }
         moved
     }
 
+    /// Where the axes are, and what is known of the others.
+    fn place(&self) -> (Known, [Somewhere; 3]) {
+        (self.at, self.somewhere)
+    }
+
+    /// Why the work system in force is not known.
+    fn lost_system(&self, axis: usize) -> Lost {
+        self.lost_systems[usize::from(self.system.clamp(1, 9)) - 1][axis]
+    }
+
     fn moved(
         &self,
-        from: Known,
+        (from, from_somewhere): (Known, [Somewhere; 3]),
         arc: Option<Arc>,
         feed_mm_per_min: Option<f64>,
         source: Source,
@@ -285,6 +299,7 @@ impl MachinePath {
         MachineMove {
             from,
             to: at,
+            somewhere: [from_somewhere, self.somewhere],
             arc,
             feed_mm_per_min,
             source,
@@ -344,55 +359,69 @@ impl MachinePath {
     }
 
     fn function(&mut self, action: Action, source: Source) -> Step {
-        let from = self.at;
+        let before = self.place();
         match action {
             Action::WorkOffset { system } => self.system = system,
             Action::ToolLength { offset, length_mm, .. } => {
                 self.tool_length_mm = if offset.is_some() { length_mm } else { 0.0 };
             }
-            Action::ChangeTool { tool } => self.tool = tool,
+            Action::ChangeTool { tool } => self.tool = Some(tool),
             Action::SetWorkOffset { system, axes, origin, by_position } => {
                 self.set_offset(system, axes, origin, by_position);
             }
             Action::Probe(_) => self.is_probe = true,
             Action::Relative { axes } => self.relative = axes,
             Action::StoreReference { second } => self.references[usize::from(second)] = self.at,
-            // Where the switches are is the business of the machine.
             Action::Home { axes } => {
                 let all = if axes.is_empty() { AxisSet::ALL } else { axes };
-                (0..3).filter(|&axis| all.contains(axis)).for_each(|axis| self.at[axis] = None);
+                self.go_to(self.home, all, Lost::Homing);
                 self.further_at = FurtherAxes::NONE;
             }
             Action::MachineMove { target, axes, rapid, feed_mm_per_min } => {
-                (0..3)
-                    .filter(|&axis| axes.contains(axis))
-                    .for_each(|axis| self.at[axis] = Some(target[axis]));
+                let there = if self.is_floating { [None; 3] } else { target.map(Some) };
+                self.go_to(there, axes, Lost::Frame);
                 let feed = (!rapid).then_some(feed_mm_per_min);
                 let frame = MoveFrame::Machine("G53");
-                return Step::Move(self.moved(from, None, feed, source, frame, axes));
+                return Step::Move(self.moved(before, None, feed, source, frame, axes));
             }
             Action::Reference { axes, second } => {
                 let axes = if axes.is_empty() { AxisSet::ALL } else { axes };
-                let stored = self.references[usize::from(second)];
-                (0..3)
-                    .filter(|&axis| axes.contains(axis))
-                    .for_each(|axis| self.at[axis] = stored[axis]);
+                self.go_to(self.references[usize::from(second)], axes, Lost::Frame);
                 let frame = MoveFrame::Machine(if second { "G30" } else { "G28" });
-                return Step::Move(self.moved(from, None, None, source, frame, axes));
+                return Step::Move(self.moved(before, None, None, source, frame, axes));
             }
             _ => {}
         }
         Step::Function(action, source)
     }
 
+    /// These axes are there now, or nobody knows where, for this reason.
+    fn go_to(&mut self, there: Known, axes: AxisSet, lost: Lost) {
+        for axis in (0..3).filter(|&axis| axes.contains(axis)) {
+            (self.at[axis], self.somewhere[axis]) = (there[axis], Somewhere::of(lost));
+        }
+    }
+
     fn set_offset(&mut self, system: u8, axes: AxisSet, origin: Position, by_position: bool) {
-        let Some(stored) = self.systems.get_mut(usize::from(system.max(1)) - 1) else { return };
+        let index = usize::from(system.max(1)) - 1;
+        let Some(stored) = self.systems.get_mut(index) else { return };
         let length = [0.0, 0.0, self.tool_length_mm];
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
             stored[axis] = match by_position {
-                false => Some(origin[axis]),
+                false => (!self.is_floating).then_some(origin[axis]),
                 true => self.at[axis].map(|at| at - self.shift[axis] - length[axis] - origin[axis]),
+            };
+            self.lost_systems[index][axis] = match by_position {
+                false => Lost::Frame,
+                true => self.somewhere[axis].lost,
             };
         }
     }
+}
+
+/// The stored positions of a frame whose zero is that of one work system, 1 to 9.
+fn floating_offsets(system: u8) -> StoredOffsets {
+    let mut offsets = StoredOffsets::default();
+    offsets.systems[usize::from(system.clamp(1, 9)) - 1] = Some([0.0; 3]);
+    offsets
 }

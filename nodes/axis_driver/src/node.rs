@@ -173,7 +173,6 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
 
     services::offer(&node, &driver)?;
     manual::offer(&node, &driver)?;
-    mdi::offer(&node, &driver)?;
     configure::offer(&node, &driver)?;
     let shared = traffic.clone();
     node.service::<GetTraffic, _, _>("get_traffic", move |request, _| {
@@ -185,6 +184,7 @@ async fn start(node: Handle) -> Result<lifecycle::Shell, runtime::Error> {
         let (driver, paths) = (Arc::clone(&shared), paths.clone());
         handle.spawn("replan of a run", async move { driver.replan(&paths, of, planned).await });
     })?;
+    mdi::offer(&node, &driver, &paths)?;
     services::offer_tool_change(&node, &driver, &paths)?;
     stretches::follow(&node, &driver, &paths)?;
     user_functions::follow(&node, &driver, called);

@@ -81,6 +81,8 @@ impl Machine {
             keep_out: &self.keep_out,
             tool_diameters_mm: &diameters.collect(),
             start_in_machine: None,
+            spindle_tool: None,
+            is_judged_again: false,
         };
         let mut envelope = Envelope::new(&self.limits, path, beginning, workplace);
         envelope.advance_to(path, path.elements.len());

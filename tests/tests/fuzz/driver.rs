@@ -291,7 +291,10 @@ impl Bench {
                 let objection = random.once_in(4).then(|| "another tool".to_owned());
                 Command::ConfirmToolChange { objection }
             }
-            18 => Command::ExecuteMdi { path: self.paths[1].clone() },
+            18 => Command::ExecuteMdi {
+                path: self.paths[1].clone(),
+                tool_diameters_mm: Default::default(),
+            },
             19 => Command::SetSingleBlock(random.once_in(3)),
             20 | 21 => Command::Jog(JogRequest {
                 further: FurtherAxes::NONE,

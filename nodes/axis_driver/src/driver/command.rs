@@ -10,6 +10,7 @@ use super::run::replan::ReplanRequest;
 use super::run::request::RunRequest;
 use crate::codes::error_code;
 use cnc_msgs::path::CompensatedPath;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// What can be asked of the driver.
@@ -65,7 +66,11 @@ pub enum Command {
     /// why it is not.
     UserFunctionEnded { run: u64, call: u32, answer: Result<String, String> },
     /// Runs the path of a single block, from idle; answered as a run is.
-    ExecuteMdi { path: Arc<CompensatedPath> },
+    ExecuteMdi {
+        path: Arc<CompensatedPath>,
+        /// By T number, mm, for keep-out boxes; empty where there are none.
+        tool_diameters_mm: BTreeMap<u32, f64>,
+    },
     /// Whether the machine stops after every block. It takes effect at the end of
     /// the block up to which lines have been sent; a machine that stands goes on with
     /// a resume in any case.
@@ -147,7 +152,9 @@ impl Driver {
                 Command::UserFunctionEnded { run, call, answer } => {
                     self.on_user_function((run, call), answer)
                 }
-                Command::ExecuteMdi { path } => self.run_program(id, RunRequest::mdi(path)),
+                Command::ExecuteMdi { path, tool_diameters_mm } => {
+                    self.run_program(id, RunRequest::mdi(path, tool_diameters_mm))
+                }
                 Command::SetSingleBlock(is_on) => self.set_single_block(is_on),
                 Command::Activate => self.activate(),
                 Command::Deactivate => self.deactivate(id),

@@ -27,7 +27,7 @@ use config::DriverConfig;
 use hold::HoldWatch;
 use machine::Machine;
 use overrides::OverrideWatch;
-use queries::OFFSETS_QUERY;
+use queries::{OFFSETS_QUERY, QUERIES, SETTINGS_QUERY};
 use ros_loss::RosLoss;
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -46,6 +46,8 @@ pub(super) enum Origin {
     Offsets,
     /// Asks for the offsets, whatever the driver is doing.
     OffsetsAnew,
+    /// Asks for the settings, before those.
+    SettingsAnew,
     Preamble,
     /// From the program, with its text for messages.
     Program {
@@ -117,6 +119,12 @@ impl Context {
     /// Asks for the stored offsets: those that the driver has may be old.
     pub(super) fn ask_offsets(&mut self) {
         self.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::OffsetsAnew);
+    }
+
+    /// Asks for the settings: those that came are not readable. The answer is not waited for; ask for
+    /// the offsets after it.
+    pub(super) fn ask_settings(&mut self) {
+        self.link.send_line(QUERIES[SETTINGS_QUERY], LineKind::Slow, Origin::SettingsAnew);
     }
 
     /// Whether the controller reads such a question, and answers it soon.

@@ -67,6 +67,9 @@ impl Driver {
         if matches!(origin, Origin::OffsetsAnew) {
             return context.on_offsets_anew(error);
         }
+        if matches!(origin, Origin::SettingsAnew) {
+            return;
+        }
         match (&mut self.phase, origin) {
             (Phase::Connecting(connecting), Origin::Query(query)) => {
                 connecting.on_answer(context, query, error);

@@ -90,6 +90,8 @@ pub(super) struct ProgramRun {
     /// Functions of the user that it has called.
     calls: u32,
     override_lock: OverrideLock,
+    /// What its end says besides.
+    remark: String,
 }
 
 /// What is encoded and waits for room.
@@ -257,6 +259,7 @@ impl ProgramRun {
             measured: Measured::default(),
             calls: 0,
             override_lock: OverrideLock::default(),
+            remark: String::new(),
         }
     }
 

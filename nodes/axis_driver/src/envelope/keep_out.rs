@@ -2,38 +2,66 @@
 //!
 //! The boxes are placed with the offsets that are stored when the program begins: a clamp does not
 //! move with a work zero that the program sets. The Z of a box is that of a tip without a tool
-//! length (G49).
+//! length (G49). What touches whatever is not known is an error, what may touch a warning; [`touch`]
+//! decides, [`report`] has the words.
+//!
+//! [`touch`]: super::touch
 
-use super::distance::{Bounds, Nearest, of_arc, of_line};
-use super::{EnvelopeReport, Workplace, place};
+mod report;
+
+use super::Workplace;
+use super::distance::{Bounds, Nearest};
+use super::touch::{ANYWHERE, Span, Touch, Way};
 use crate::machine_limits::{MachineLimits, MachineZero};
-use crate::machine_path::{MachineMove, MoveFrame};
-use cnc_msgs::contour::Source;
-use cnc_msgs::finding::{Code, Finding};
-use cnc_msgs::geometry::Position;
+use crate::machine_path::{Lost, MachineMove, MoveFrame, Somewhere};
+use cnc_msgs::contour::{Source, work_system};
+use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::keep_out::{Frame, KeepOutBox};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// What counts as touching, mm.
-const TOUCH_MM: f64 = 1e-6;
 
 /// Compares each move with each box.
 #[derive(Debug, Clone)]
 pub(super) struct KeepOutCheck {
     boxes: Vec<PlacedBox>,
-    diameters_mm: BTreeMap<u32, f64>,
-    not_judged: Vec<String>,
-    /// Blocks whose start is not known on all axes.
-    first_unknown: Option<Source>,
-    tools_unknown: BTreeSet<u32>,
+    /// What their coordinates are: `the machine frame`, `G54`.
+    frame: String,
+    /// Where the axes may be when they are homed, as far as it is known.
+    travel: [Option<Span>; 3],
+    tools: Tools,
+    /// What follows homing and probes is judged again when they have ended.
+    is_judged_again: bool,
+    /// The kinematics, where rapids are no straight lines.
+    bows_rapids: Option<String>,
+    not_judged: BTreeSet<String>,
+    /// Why moves could not be compared: the first one, how many more, and the last line.
+    unplaced: BTreeMap<String, (Source, usize, u32)>,
 }
 
-/// A box in the machine frame.
+/// The tools of the table.
+#[derive(Debug, Clone)]
+struct Tools {
+    diameters_mm: BTreeMap<u32, f64>,
+    /// T and radius of the largest.
+    largest: Option<(u32, f64)>,
+}
+
+/// The tool of a move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Cutter {
+    tool: Option<u32>,
+    /// The radius is between these, mm.
+    radii_mm: [f64; 2],
+}
+
+/// A box in the frame of the check.
 #[derive(Debug, Clone)]
 struct PlacedBox {
     name: String,
     bounds: Bounds,
+    /// The blocks that touch it for certain.
     hit: Option<Hit>,
+    /// The first one that may.
+    chance: Option<Chance>,
 }
 
 /// The blocks that touch a box.
@@ -41,97 +69,210 @@ struct PlacedBox {
 struct Hit {
     source: Source,
     nearest: Nearest,
-    tool: u32,
-    radius_mm: f64,
+    cutter: Cutter,
     in_work: Option<Position>,
     frame: MoveFrame,
     blocks: usize,
     last_line: u32,
+    /// The axes of which only this is known, that it touches wherever they are.
+    unknown: AxisSet,
+}
+
+/// The first block that may touch a box.
+#[derive(Debug, Clone, Copy)]
+struct Chance {
+    source: Source,
+    because: Doubt,
+    unknown: AxisSet,
+    cutter: Cutter,
+    /// The work system of the move, and its Z in the frame of the check with the tool length off.
+    zero: Option<(u8, f64)>,
+    /// The least and the greatest Z of the tip at the end.
+    tip: Span,
+}
+
+/// What would have to be known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Doubt {
+    Place(Lost),
+    Tool,
 }
 
 impl KeepOutCheck {
-    pub(super) fn new(limits: &MachineLimits, workplace: Workplace<'_>) -> Self {
-        let mut check = Self {
-            boxes: Vec::new(),
-            diameters_mm: workplace.tool_diameters_mm.clone(),
-            not_judged: Vec::new(),
-            first_unknown: None,
-            tools_unknown: BTreeSet::new(),
-        };
+    /// The boxes that can be placed in the machine frame, and the work systems of others.
+    pub(super) fn new(limits: &MachineLimits, workplace: Workplace<'_>) -> (Self, BTreeSet<u8>) {
+        let mut check = Self::empty(limits, workplace, "the machine frame".to_owned());
+        let mut floating = BTreeSet::new();
         for (name, it) in &workplace.keep_out.keep_out {
             match placed(it, limits) {
-                Ok(bounds) => check.boxes.push(PlacedBox { name: name.clone(), bounds, hit: None }),
-                Err(because) => check.not_judged.push(format!("keep-out {name:?}: {because}")),
+                Ok(bounds) => check.add(name, bounds),
+                Err(Unplaced::System(system)) => {
+                    floating.insert(system);
+                }
+                Err(Unplaced::Machine(because)) => {
+                    check.not_judged.insert(format!("keep-out {name:?}: {because}"));
+                }
             }
         }
+        (check, floating)
+    }
+
+    /// The boxes of a work system whose place in the machine is not known, in its own frame.
+    pub(super) fn floating(limits: &MachineLimits, workplace: Workplace<'_>, system: u8) -> Self {
+        let mut check = Self::empty(limits, workplace, work_system(system));
+        check.travel = [None; 3];
+        let boxes = workplace.keep_out.keep_out.iter();
+        for (name, it) in boxes.filter(|(_, it)| it.frame == Frame::Work(system)) {
+            check.add(name, Bounds { min: it.min_mm, max: it.max_mm });
+        }
         check
+    }
+
+    fn empty(limits: &MachineLimits, workplace: Workplace<'_>, frame: String) -> Self {
+        let bounds = match limits.zero {
+            MachineZero::Placed { bounds_mm } => bounds_mm,
+            MachineZero::Unplaced { .. } | MachineZero::Unknown { .. } => [None; 3],
+        };
+        let travel =
+            std::array::from_fn(|axis| bounds[axis].filter(|_| limits.travel_mm[axis].is_some()));
+        let diameters_mm = workplace.tool_diameters_mm.clone();
+        let largest = diameters_mm.iter().max_by(|a, b| a.1.total_cmp(b.1));
+        let largest = largest.map(|(tool, diameter)| (*tool, diameter / 2.0));
+        Self {
+            boxes: Vec::new(),
+            frame,
+            travel,
+            tools: Tools { diameters_mm, largest },
+            is_judged_again: workplace.is_judged_again,
+            bows_rapids: limits.bows_rapids().map(str::to_owned),
+            not_judged: BTreeSet::new(),
+            unplaced: BTreeMap::new(),
+        }
+    }
+
+    fn add(&mut self, name: &str, bounds: Bounds) {
+        let (hit, chance) = (None, None);
+        self.boxes.push(PlacedBox { name: name.to_owned(), bounds, hit, chance });
     }
 
     pub(super) fn see(&mut self, it: &MachineMove) {
         if self.boxes.is_empty() {
             return;
         }
-        let whole = |[x, y, z]: [Option<f64>; 3]| Some([x?, y?, z? - it.tool_length_mm]);
-        let Some(to) = whole(it.to) else {
-            self.first_unknown.get_or_insert(it.source);
-            return;
-        };
-        let from = whole(it.from).unwrap_or_else(|| {
-            // Only the end of the first move is known.
-            self.first_unknown.get_or_insert(it.source);
-            to
+        let mut doubts = BTreeSet::new();
+        let mut unknown = AxisSet::NONE;
+        let [from, to] = [0, 1].map(|end| -> [Span; 3] {
+            let at = [it.from, it.to][end];
+            std::array::from_fn(|axis| {
+                let off = if axis == 2 { it.tool_length_mm } else { 0.0 };
+                if let Some(at) = at[axis] {
+                    return [at - off; 2];
+                }
+                let Somewhere { lost, within } = it.somewhere[end][axis];
+                doubts.insert(lost);
+                unknown = unknown.with(axis);
+                within.or(self.travel[axis]).unwrap_or(ANYWHERE).map(|at| at - off)
+            })
         });
-        let radius_mm = match self.diameters_mm.get(&it.tool) {
-            Some(diameter) => diameter / 2.0,
-            None => {
-                self.tools_unknown.insert(it.tool);
-                0.0
-            }
-        };
+        let arc = it.arc.map(|mut arc| {
+            arc.center[2] -= it.tool_length_mm;
+            arc
+        });
+        let way = Way { from, to, arc: arc.as_ref(), moved: it.axes };
+        let cutter = self.tools.cutter(it.tool);
+        let doubt = doubts.pop_last().map_or(Doubt::Tool, Doubt::Place);
         for each in &mut self.boxes {
-            each.see(it, from, to, radius_mm);
+            let touch = way.touch(&each.bounds, cutter.radii_mm);
+            match (touch, doubt) {
+                (Touch::No, _) => {}
+                (Touch::Certain(nearest), _) => each.add_hit(it, nearest, cutter, unknown),
+                // It is judged then.
+                (Touch::Possible | Touch::Unclear, Doubt::Place(Lost::Homing | Lost::Probe))
+                    if self.is_judged_again => {}
+                (Touch::Unclear, _)
+                | (Touch::Possible, Doubt::Place(Lost::Frame | Lost::Probe)) => {
+                    let first = (it.source, 0, it.source.line);
+                    let why = report::unplaced(doubt, it.frame);
+                    let (_, more, last_line) = self.unplaced.entry(why).or_insert(first);
+                    *more += usize::from(*last_line != it.source.line);
+                    *last_line = it.source.line;
+                }
+                (Touch::Possible, _) => {
+                    let zero = match it.frame {
+                        MoveFrame::Work { system, offset: [.., Some(z)] } => {
+                            Some((system, z - it.tool_length_mm))
+                        }
+                        _ => None,
+                    };
+                    let (source, because, tip) = (it.source, doubt, way.to[2]);
+                    let chance = Chance { source, because, unknown, cutter, zero, tip };
+                    each.chance.get_or_insert(chance);
+                }
+            }
         }
-    }
-
-    pub(super) fn report(&self, report: &mut EnvelopeReport) {
-        report.not_judged.extend(self.not_judged.iter().cloned());
-        if let Some(source) = self.first_unknown {
-            report.not_judged.push(format!(
-                "the way to the end of {}: where the tool is before it is not known",
-                place(source)
+        if let Some(text) = self.tools.missing(it.tool) {
+            self.not_judged.insert(text);
+        }
+        let is_flat = it.axes.contains(0) || it.axes.contains(1);
+        if let Some(name) = self.bows_rapids.as_ref().filter(|_| is_flat)
+            && it.feed_mm_per_min.is_none()
+        {
+            self.not_judged.insert(format!(
+                "rapids beside keep-outs: with {name} kinematics they bow, and were compared as \
+                 straight lines"
             ));
         }
-        for tool in &self.tools_unknown {
-            let name =
-                if *tool == 0 { "the tool in the spindle".into() } else { format!("T{tool}") };
-            report.not_judged.push(format!(
-                "the diameter of {name} at keep-outs: it is not in the tool table, so that only \
-                 its axis was compared"
-            ));
-        }
-        report.findings.extend(self.boxes.iter().filter_map(PlacedBox::finding));
     }
 }
 
+impl Tools {
+    fn cutter(&self, tool: Option<u32>) -> Cutter {
+        let radii_mm = match tool {
+            Some(number) => [self.diameters_mm.get(&number).map_or(0.0, |it| it / 2.0); 2],
+            None => [0.0, self.largest.map_or(0.0, |largest| largest.1)],
+        };
+        Cutter { tool, radii_mm }
+    }
+
+    /// What is said of a tool whose diameter is not known.
+    fn missing(&self, tool: Option<u32>) -> Option<String> {
+        let name = match tool {
+            Some(0) => return None,
+            Some(number) if self.diameters_mm.contains_key(&number) => return None,
+            Some(number) => format!("T{number}"),
+            None if self.largest.is_some() => return None,
+            None => "the tool in the spindle".to_owned(),
+        };
+        Some(format!(
+            "the diameter of {name} at keep-outs: it is not in the tool table, so that only its \
+             axis was compared"
+        ))
+    }
+}
+
+/// Why a box has no place in the machine frame.
+enum Unplaced {
+    /// The stored position of its work system, 1 to 9, is not known.
+    System(u8),
+    Machine(String),
+}
+
 /// Where a box is in the machine frame.
-fn placed(it: &KeepOutBox, limits: &MachineLimits) -> Result<Bounds, String> {
+fn placed(it: &KeepOutBox, limits: &MachineLimits) -> Result<Bounds, Unplaced> {
     let offset = match it.frame {
         Frame::Machine => match limits.zero {
-            MachineZero::Unknown { because } if limits.frame_is_unknown() => {
-                return Err(because.to_owned());
-            }
+            MachineZero::Unknown { because } => return Err(Unplaced::Machine(because.to_owned())),
             _ => match limits.axes_not_homed().next() {
                 Some(letter) => {
-                    return Err(format!("no setting says that {letter} is homed ($44 to $49)"));
+                    let text = format!("no setting says that {letter} is homed ($44 to $49)");
+                    return Err(Unplaced::Machine(text));
                 }
                 None => [0.0; 3],
             },
         },
         Frame::Work(system) => {
             let stored = limits.offsets.systems[usize::from(system) - 1];
-            let Some(stored) = stored else {
-                return Err(format!("the stored position of {} is not known", it.frame.name()));
-            };
+            let Some(stored) = stored else { return Err(Unplaced::System(system)) };
             std::array::from_fn(|axis| stored[axis] + limits.offsets.shift[axis])
         }
     };
@@ -140,101 +281,22 @@ fn placed(it: &KeepOutBox, limits: &MachineLimits) -> Result<Bounds, String> {
 }
 
 impl PlacedBox {
-    fn see(&mut self, it: &MachineMove, from: Position, to: Position, radius_mm: f64) {
-        let nearest = match &it.arc {
-            Some(arc) if from != to || arc.turns > 0 => {
-                let mut arc = *arc;
-                arc.center[2] -= it.tool_length_mm;
-                of_arc(from, to, &arc, &self.bounds)
-            }
-            _ if is_apart(from, to, radius_mm, &self.bounds) => None,
-            _ => of_line(from, to, &self.bounds),
-        };
-        let Some(nearest) = nearest.filter(|it| it.distance_mm <= radius_mm + TOUCH_MM) else {
-            return;
-        };
+    fn add_hit(&mut self, it: &MachineMove, nearest: Nearest, cutter: Cutter, unknown: AxisSet) {
         let line = it.source.line;
-        match &mut self.hit {
-            Some(hit) => {
-                hit.blocks += usize::from(line != hit.last_line);
-                hit.last_line = line;
+        if let Some(hit) = &mut self.hit {
+            hit.blocks += usize::from(line != hit.last_line);
+            hit.last_line = line;
+            return;
+        }
+        let in_work = match it.frame {
+            MoveFrame::Work { offset: [Some(x), Some(y), Some(z)], .. } => {
+                let [tip_x, tip_y, tip_z] = nearest.tip;
+                Some([tip_x - x, tip_y - y, tip_z - (z - it.tool_length_mm)])
             }
-            None => {
-                let in_work = match it.frame {
-                    MoveFrame::Work { offset: [Some(x), Some(y), Some(z)], .. } => {
-                        let [tip_x, tip_y, tip_z] = nearest.tip;
-                        Some([tip_x - x, tip_y - y, tip_z - (z - it.tool_length_mm)])
-                    }
-                    _ => None,
-                };
-                let (source, tool, frame) = (it.source, it.tool, it.frame);
-                let (blocks, last_line) = (1, line);
-                self.hit = Some(Hit {
-                    source,
-                    nearest,
-                    tool,
-                    radius_mm,
-                    in_work,
-                    frame,
-                    blocks,
-                    last_line,
-                });
-            }
-        }
+            _ => None,
+        };
+        let (source, frame, blocks, last_line) = (it.source, it.frame, 1, line);
+        let hit = Hit { source, nearest, cutter, in_work, frame, blocks, last_line, unknown };
+        self.hit = Some(hit);
     }
-
-    fn finding(&self) -> Option<Finding> {
-        let hit = self.hit?;
-        let Bounds { max, .. } = self.bounds;
-        let [x, y, z] = hit.nearest.tip;
-        let tool = match (hit.tool, hit.radius_mm) {
-            (0, radius) if radius <= 0.0 => "the axis of the tool".to_owned(),
-            (tool, radius) if radius <= 0.0 => format!("the axis of T{tool}"),
-            (tool, radius) => format!("T{tool} (radius {radius:.3} mm)"),
-        };
-        let mut message = format!(
-            "{tool} touches the keep-out {:?}: its tip is at X{x:.3} Y{y:.3} Z{z:.3} in the machine \
-             frame",
-            self.name
-        );
-        if let Some([x, y, z]) = hit.in_work {
-            message += &format!(" (X{x:.3} Y{y:.3} Z{z:.3} in {})", hit.frame.name());
-        }
-        let overlap = hit.radius_mm - hit.nearest.distance_mm;
-        message += &match hit.nearest.distance_mm > 0.0 {
-            true => format!(", {:.3} mm from the side", hit.nearest.distance_mm),
-            false => ", within its sides".to_owned(),
-        };
-        message += &format!(", and {:.3} mm below the top", (max[2] - z).max(0.0));
-        if hit.blocks > 1 {
-            message += &format!("; {} blocks do so", hit.blocks);
-        }
-        let help = match hit.nearest.distance_mm > 0.0 {
-            true => format!(
-                "keep {:.3} mm more distance, or lift the tip above Z{:.3} in the machine frame",
-                overlap.max(0.001),
-                max[2]
-            ),
-            false => format!(
-                "lead around it, move the clamp, or lift the tip above Z{:.3} in the machine frame",
-                max[2]
-            ),
-        };
-        let mut finding = Finding::error(Code::KeepOut, hit.source, message).help(help);
-        finding.position = hit.in_work;
-        if hit.radius_mm > 0.0 {
-            finding.needed_mm = Some(hit.radius_mm);
-            finding.available_mm = Some(hit.nearest.distance_mm);
-        }
-        Some(finding)
-    }
-}
-
-/// Whether a straight move passes well beside a box.
-fn is_apart(from: Position, to: Position, radius_mm: f64, bounds: &Bounds) -> bool {
-    let reach = radius_mm + 1.0;
-    (0..2).any(|axis| {
-        from[axis].max(to[axis]) + reach < bounds.min[axis]
-            || from[axis].min(to[axis]) - reach > bounds.max[axis]
-    })
 }

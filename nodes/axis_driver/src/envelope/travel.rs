@@ -21,6 +21,8 @@ pub(super) struct TravelCheck {
     /// X, Y, Z, A, B, C, U, V and W.
     axes: [AxisReach; 9],
     zero_unknown: Option<&'static str>,
+    /// Why nothing is judged.
+    is_no_box: Option<String>,
     /// Moves in frames whose place is not known.
     unplaced: BTreeSet<String>,
 }
@@ -79,7 +81,9 @@ impl TravelCheck {
     pub(super) fn new(limits: &MachineLimits, start: Known) -> Self {
         let (bounds, zero_unknown) = match limits.zero {
             MachineZero::Placed { bounds_mm } => (bounds_mm, None),
-            MachineZero::Unknown { because } => ([None; 3], Some(because)),
+            MachineZero::Unplaced { because } | MachineZero::Unknown { because } => {
+                ([None; 3], Some(because))
+            }
         };
         let room = |axis: usize| match axis.checked_sub(3) {
             None => Room {
@@ -105,7 +109,9 @@ impl TravelCheck {
         };
         let axis = |axis: usize| AxisReach { room: room(axis), ..AxisReach::default() };
         let axes = std::array::from_fn(axis);
-        let mut check = Self { axes, zero_unknown, unplaced: BTreeSet::new() };
+        let is_no_box = limits.other_kinematics.as_ref();
+        let is_no_box = is_no_box.map(|name| format!("with {name} kinematics it is no box"));
+        let mut check = Self { axes, zero_unknown, is_no_box, unplaced: BTreeSet::new() };
         // The tool stands within the machine: that counts for the span.
         for (reach, at) in check.axes.iter_mut().zip(start) {
             if let (Some(in_machine), None) = (at, reach.room.bounds) {
@@ -176,6 +182,10 @@ impl TravelCheck {
     }
 
     pub(super) fn report(&self, report: &mut EnvelopeReport) {
+        if let Some(because) = &self.is_no_box {
+            report.not_judged.push(format!("the travel: {because}"));
+            return;
+        }
         let (cartesian, further) = self.axes.split_at(3);
         let named = further.iter().filter(|reach| reach.is_named);
         for reach in cartesian.iter().chain(named) {

@@ -148,7 +148,12 @@ enum CommandForm {
         answer: Result<String, String>,
     },
     /// The path has no program that it could be found by.
-    ExecuteMdi(mdi::PathRecord),
+    ExecuteMdi {
+        #[serde(flatten)]
+        path: mdi::PathRecord,
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        tool_diameters_mm: Vec<(u32, f64)>,
+    },
     SetSingleBlock {
         on: bool,
     },
@@ -217,7 +222,10 @@ pub fn command_to_json(id: u64, command: &Command) -> String {
         Command::UserFunctionEnded { run, call, answer } => {
             CommandForm::UserFunctionEnded { run: *run, call: *call, answer: answer.clone() }
         }
-        Command::ExecuteMdi { path } => CommandForm::ExecuteMdi(mdi::PathRecord::of(path)),
+        Command::ExecuteMdi { path, tool_diameters_mm } => CommandForm::ExecuteMdi {
+            path: mdi::PathRecord::of(path),
+            tool_diameters_mm: pairs(tool_diameters_mm),
+        },
         Command::SetSingleBlock(on) => CommandForm::SetSingleBlock { on: *on },
         Command::Activate => CommandForm::Activate,
         Command::Deactivate => CommandForm::Deactivate,
@@ -290,7 +298,10 @@ pub fn command_from_json(
         CommandForm::UserFunctionEnded { run, call, answer } => {
             Command::UserFunctionEnded { run, call, answer }
         }
-        CommandForm::ExecuteMdi(record) => Command::ExecuteMdi { path: Arc::new(record.path()?) },
+        CommandForm::ExecuteMdi { path, tool_diameters_mm } => Command::ExecuteMdi {
+            path: Arc::new(path.path()?),
+            tool_diameters_mm: tool_diameters_mm.into_iter().collect(),
+        },
         CommandForm::SetSingleBlock { on } => Command::SetSingleBlock(on),
         CommandForm::Activate => Command::Activate,
         CommandForm::Deactivate => Command::Deactivate,

@@ -100,6 +100,10 @@ impl MachineLimits {
                 worst = worst.max(unit[3 + axis].abs() / of(it));
             }
         }
-        if worst > 0.0 { 1.0 / worst } else { limits[0] }
+        match worst > 0.0 {
+            true => 1.0 / worst,
+            // Nothing moves, or nothing bounds what does.
+            false => limits.into_iter().find(|it| it.is_infinite()).unwrap_or(limits[0]),
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use cnc_msgs::machine_file::SettingValue;
+use std::collections::BTreeMap;
 
 /// A router of 600 × 400 × 100 mm that homes, with these changes.
 pub(crate) fn settings(
@@ -78,7 +79,11 @@ fn each_firmware_has_its_zero_where_its_own_check_has_it() {
         (Firmware::FluidNc, &[], "mpos_mm"),
     ] {
         let limits = MachineLimits::of(&settings(firmware, "", changes)).expect("a machine");
-        let MachineZero::Unknown { because: said } = limits.zero else { panic!("{limits:?}") };
+        let (MachineZero::Unknown { because: said } | MachineZero::Unplaced { because: said }) =
+            limits.zero
+        else {
+            panic!("{limits:?}")
+        };
         assert!(said.contains(because), "{said}");
     }
 }

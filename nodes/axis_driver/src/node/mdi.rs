@@ -5,6 +5,7 @@
 //! they answer from standstill to standstill, or nothing at all.
 
 use super::actions::{CANCEL_WITHIN, PROVE_WITHIN};
+use super::path::Paths;
 use super::{RemoteDriver, Reply, reply_fields, user_functions};
 use crate::codes::error_code;
 use crate::driver::{Command, MDI, Refusal, RunOutcome};
@@ -20,6 +21,7 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 };
 use runtime::commands::Answer;
 use runtime::{CallError, Client, Handle, NodeResult, RequestInfo};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -34,20 +36,21 @@ struct Advisers {
 }
 
 /// Offers `execute_mdi`. The answer comes when the block is done.
-pub(super) fn offer(node: &Handle, driver: &Arc<RemoteDriver>) -> NodeResult {
+pub(super) fn offer(node: &Handle, driver: &Arc<RemoteDriver>, paths: &Paths) -> NodeResult {
     let advisers = Arc::new(Advisers {
         loader: node.client::<ReadBlock>("read_block")?,
         planner: node.client::<PlanBlock>("plan_block")?,
     });
-    let driver = Arc::clone(driver);
+    let (driver, paths) = (Arc::clone(driver), paths.clone());
     node.concurrent_service::<ExecuteMdi, _, _>(
         "execute_mdi",
         move |request, info: RequestInfo| {
             let (driver, advisers) = (Arc::clone(&driver), Arc::clone(&advisers));
+            let paths = paths.clone();
             async move {
                 driver.note_who_begins(info.writer).await;
                 let (success, error_code, message) =
-                    reply_fields(execute(&driver, &advisers, &request).await);
+                    reply_fields(execute(&driver, &advisers, &paths, &request).await);
                 let answer = Answer { success, error_code, message: &message };
                 driver.commands.record(
                     "execute_mdi",
@@ -67,7 +70,12 @@ fn refuse<T>(error_code: u16, message: impl Into<String>) -> Result<T, Refusal> 
     Err(Refusal { error_code, message: message.into() })
 }
 
-async fn execute(driver: &RemoteDriver, advisers: &Advisers, request: &ExecuteMdiRequest) -> Reply {
+async fn execute(
+    driver: &RemoteDriver,
+    advisers: &Advisers,
+    paths: &Paths,
+    request: &ExecuteMdiRequest,
+) -> Reply {
     driver.require_active()?;
     let stops = driver.stops();
     let state = driver.state_now();
@@ -91,7 +99,11 @@ async fn execute(driver: &RemoteDriver, advisers: &Advisers, request: &ExecuteMd
     }
     let id = driver.next_id.fetch_add(1, Ordering::Relaxed);
     let finished = driver.waiting().runs.wait(id);
-    let command = Command::ExecuteMdi { path: Arc::new(path) };
+    let tool_diameters_mm = match driver.keep_out.keep_out.is_empty() {
+        true => BTreeMap::new(),
+        false => paths.diameters_in_force_mm(),
+    };
+    let command = Command::ExecuteMdi { path: Arc::new(path), tool_diameters_mm };
     if let Err(refusal) = driver.ask_unless_stopped(stops, id, command, PROVE_WITHIN).await {
         if refusal.error_code == error_code::NO_ANSWER {
             // It may be taken up yet, and nobody would know of it.
@@ -104,7 +116,9 @@ async fn execute(driver: &RemoteDriver, advisers: &Advisers, request: &ExecuteMd
         tracing::warn!("{}{message}", request.text.trim());
     }
     match finished.await {
-        Ok(result) if result.outcome == RunOutcome::Succeeded => Ok(format!("done{message}")),
+        Ok(result) if result.outcome == RunOutcome::Succeeded => {
+            Ok(format!("{}{message}", result.message))
+        }
         Ok(result) => refuse(result.error_code, result.message),
         Err(_) => refuse(error_code::LINK_LOST, "the driver stopped; motion may continue"),
     }

@@ -164,8 +164,8 @@ pub(crate) fn declared() -> Vec<Declared> {
         Declared::new(
             "check_travel",
             "refuse",
-            "what to do when a program leaves the travel of the machine ($130 to $132) or is longer \
-             than it: refuse, warn or off",
+            "what to do when a program leaves the travel of the machine ($130 to $132), is longer \
+             than it, or the travel cannot be read: refuse, warn or off",
         )
         .one_of(&CheckTravel::WORDS.map(|(word, _)| word)),
         Declared::new(

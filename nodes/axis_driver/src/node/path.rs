@@ -266,8 +266,13 @@ impl Paths {
     pub(super) fn diameters_mm(&self, planned: &Planned) -> BTreeMap<u32, f64> {
         let newest = self.newest();
         let table = newest.table_of(planned).or_else(|| newest.planned_tools.clone());
-        let tools = table.unwrap_or_default().tools.into_iter();
-        tools.map(|(number, tool)| (number, tool.diameter_mm + tool.wear_diameter_mm)).collect()
+        diameters_mm(&table.unwrap_or_default())
+    }
+
+    /// The same of the table in force.
+    pub(super) fn diameters_in_force_mm(&self) -> BTreeMap<u32, f64> {
+        let newest = self.newest();
+        newest.tool_table.as_ref().map(|(_, table)| diameters_mm(table)).unwrap_or_default()
     }
 
     /// What came for the rest of a run that goes on from this revision.
@@ -339,6 +344,11 @@ impl Paths {
         }
         Ok(None)
     }
+}
+
+fn diameters_mm(table: &ToolTable) -> BTreeMap<u32, f64> {
+    let tools = table.tools.iter();
+    tools.map(|(number, tool)| (*number, tool.diameter_mm + tool.wear_diameter_mm)).collect()
 }
 
 /// The first error of a report.

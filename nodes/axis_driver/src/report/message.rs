@@ -122,6 +122,7 @@ impl Message {
             | "PLUGIN"
             | "SPINDLE"
             | "MAX STEP RATE"
+            | "KINEMATICS"
             | "COMPATIBILITY LEVEL" => Self::Build { key: key.to_owned(), value: value.to_owned() },
             "GC" => Self::ParserState(value.to_owned()),
             "PRB" => {

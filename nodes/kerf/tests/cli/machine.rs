@@ -107,6 +107,40 @@ fn a_clamp_in_the_way_is_named_and_one_beside_it_is_not() {
 }
 
 #[test]
+fn a_clamp_that_may_be_in_the_way_is_a_warning_and_the_first_z_decides() {
+    let args = [&PLAN[..], &["--keep-out", "clamps.yaml"]].concat();
+    let program = |first: &str| format!("G21 G90\nT1 M6\n{first}G0 X0 Y0\nG0 Z20\nM2\n");
+    // As many posts begin: the program is accepted.
+    said(&folder(&program("")), &args).expect(0).says(&[
+        "warning[keep_out]: where X, Y and Z are before this move is not known: on its way T1 (radius \
+         3.000 mm) may touch the keep-out \"left clamp\"; it does so where its tip is at Z-52.000 in \
+         the machine frame (Z8.000 in G54) or lower",
+        "part.ngc:3:1",
+        "put a move in Z alone before it, to above Z-52.000 in the machine frame (Z8.000 in G54)",
+        "accepted by rs274, 0 errors, 1 warning",
+    ]);
+    for first in ["G0 Z8.1\n", "G53 G0 Z0\n", "G28 G91 Z0\nG90\n"] {
+        let folder = folder(&program(first));
+        let file = MACHINE.replace("offsets_mm:\n", "offsets_mm:\n  G28: [0, 0, -1]\n");
+        std::fs::write(folder.path().join("router.yaml"), file).expect("written");
+        let ran = said(&folder, &[&args[..], &["--json"]].concat()).expect(0);
+        let json: Value = serde_json::from_str(&ran.out).expect("JSON");
+        assert_eq!(json["findings"], Value::Array(Vec::new()), "{first}");
+        assert_eq!(json["machine"]["not_judged"], Value::Array(Vec::new()), "{first}");
+    }
+    // Of a machine file without offsets the box and the program are in G54 all the same.
+    let program = "G21 G90\nT1 M6\nG0 Z20\nG0 X0 Y0\nG1 Z0 F300\nX80 F600\nM2\n";
+    let without = folder(program);
+    let (file, _) = MACHINE.split_once("offsets_mm:").expect("its offsets");
+    std::fs::write(without.path().join("router.yaml"), file).expect("written");
+    said(&without, &args).expect(1).says(&[
+        "error[keep_out]: T1 (radius 3.000 mm) touches the keep-out \"left clamp\": its tip is at \
+         X50.000 Y0.000 Z0.000 in G54",
+        "part.ngc:6:1",
+    ]);
+}
+
+#[test]
 fn files_that_are_no_machine_are_refused_with_their_line() {
     let folder = folder("G21\nG1 X1 F100\nM2\n");
     let write = |name: &str, text: &str| {

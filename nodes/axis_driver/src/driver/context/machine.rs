@@ -98,7 +98,11 @@ pub(in crate::driver) struct Machine {
     /// A, B, C, U, V and W.
     #[serde(default)]
     pub(in crate::driver) further: FurtherState,
-    /// The kinematics that the firmware has named when it started.
+    /// The T number of the tool in the spindle, as the last change has left it; 0: there is none;
+    /// `None`: nobody has said, or a change was not finished.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(in crate::driver) spindle_tool: Option<u32>,
+    /// The kinematics that the firmware has named when it started, or in its build (`$I`).
     #[serde(skip)]
     pub(in crate::driver) kinematics: Option<String>,
 }
@@ -118,8 +122,16 @@ impl Machine {
     /// Forgets what was known: the port is a new one.
     pub(in crate::driver) fn on_port(&mut self) {
         let program_id = std::mem::take(&mut self.program_id);
-        let Self { line, is_lost, needs_acknowledgement, .. } = *self;
-        *self = Self { program_id, line, is_lost, needs_acknowledgement, ..Self::default() };
+        let Self { line, is_lost, needs_acknowledgement, spindle_tool, .. } = *self;
+        *self = Self {
+            program_id,
+            line,
+            is_lost,
+            needs_acknowledgement,
+            // A plug takes no tool out.
+            spindle_tool,
+            ..Self::default()
+        };
     }
 
     pub(in crate::driver) fn on_restart(&mut self, firmware: Firmware) {
@@ -252,9 +264,14 @@ impl Machine {
                 self.work_system = words.work_system;
             }
             Message::Text(text) => {
-                let named = text.split_once("Kinematic system: ");
+                let named = text.split_once("Kinematic system:");
                 let name = named.map(|(_, name)| name.trim().to_owned());
                 self.kinematics = name.or(self.kinematics.take());
+            }
+            Message::Build { key, value } if key == "KINEMATICS" => {
+                // A version follows the name.
+                let name = value.rsplit_once(" v").map_or(value.as_str(), |(name, _)| name);
+                self.kinematics = Some(name.trim().to_owned());
             }
             Message::ToolLength(length) => {
                 self.has_tool_length = Some(length.abs() > 1e-9);

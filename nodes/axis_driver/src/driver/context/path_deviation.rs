@@ -65,7 +65,7 @@ impl Machine {
 
     /// Kinematics whose motors go between two places on another way than a straight line.
     pub(in crate::driver) fn other_kinematics(&self) -> Option<&str> {
-        const STRAIGHT: [&str; 3] = ["cartesian", "corexy", "midtbot"];
+        const STRAIGHT: [&str; 4] = ["cartesian", "corexy", "midtbot", "asymmetric ganging"];
         let name = self.kinematics.as_deref()?;
         let is_straight = STRAIGHT.iter().any(|known| known.eq_ignore_ascii_case(name));
         (!is_straight).then_some(name)

@@ -182,12 +182,26 @@ impl ProgramRun {
         None
     }
 
+    /// The axes are where homing, or a change by the controller, has left them: boxes are compared with
+    /// what follows from there, up to the elements that name all axes again.
+    pub(super) fn judge_from_here(&mut self, context: &mut Context) {
+        if context.config.keep_out.keep_out.is_empty() || self.judged_by.is_none() {
+            return self.go_on();
+        }
+        let path = &self.job.request.path;
+        let UnknownAxes { until, zeroed, .. } =
+            path.unknown_from(self.encoder.next_element(), AxisSet::ALL);
+        let until = zeroed.map_or(until, |_| path.elements.len());
+        self.stage = Stage::Probed { until };
+        context.link.send_line(OFFSETS_QUERY, LineKind::Slow, Origin::Offsets);
+    }
+
     /// Judges what follows from where the machine stands, with the offsets that the controller has.
     pub(super) fn judge_from_probe(&mut self, context: &mut Context) {
         let Stage::Probed { until } = self.stage else { return };
-        let part = (self.encoder.next_element(), until);
+        let part = (&self.encoder, until);
         let request = &self.job.request;
-        let check = WorkplaceCheck::begin_after_probe(context, request, part, self.judged_by);
+        let check = WorkplaceCheck::begin_from_here(context, request, part, self.judged_by);
         self.judged_again = check.map(Box::new);
         if !self.is_judging() {
             self.go_on();

@@ -51,6 +51,7 @@ impl ProgramRun {
                         if let Some(workplace) = &proof.workplace {
                             self.judged_by = Some(workplace.offsets);
                             self.beginning = workplace.beginning;
+                            self.remark = workplace.remark();
                         }
                         self.begin(context, lines, seconds)
                     }
@@ -108,6 +109,7 @@ impl ProgramRun {
             return Some(Exit::over(RunVerdict::aborted(error_code::BUSY, text)));
         }
         self.time.set_total(seconds);
+        self.take_tool_of_path(context);
         if !self.job.is_in_tool_change {
             context.machine.program_id.clone_from(&self.job.request.program_id);
             context.machine.line = 0;
@@ -360,6 +362,7 @@ impl ProgramRun {
             Then::ToolChange { tool, source } => {
                 let stood_at = context.machine.machine_position();
                 let change = ToolChange { tool, source, stood_at, is_touched: false };
+                context.machine.spindle_tool = None;
                 self.stage = Stage::ToolChange(change);
             }
             Then::CheckReturn { stood } => return self.check_return(&context.machine, stood),
@@ -378,7 +381,11 @@ impl ProgramRun {
             Then::AllowOverrides { allowed, source } => {
                 self.allow_overrides(context, allowed, source);
             }
-            Then::GoOn | Then::ControllerChange { .. } => self.stage = Stage::Streaming,
+            Then::GoOn => self.judge_from_here(context),
+            Then::ControllerChange { tool, .. } => {
+                context.machine.spindle_tool = Some(tool);
+                self.judge_from_here(context);
+            }
             Then::Home { text, axes, source } => {
                 let is_homed_after = axes == AxisSet::ALL || context.machine.is_homed;
                 let limit = Duration::from_secs(u64::from(context.config.homing_s_max));
@@ -414,7 +421,7 @@ impl ProgramRun {
             let last = Output::Progress { line, fraction: 1.0, time_left_s: 0.0 };
             context.outputs.push_back(last);
         }
-        Exit::over(RunVerdict::succeeded("done"))
+        Exit::over(RunVerdict::succeeded(format!("done{}", self.remark)))
     }
 
     fn report_progress(&mut self, context: &mut Context) {

@@ -34,7 +34,7 @@ pub(in crate::driver) struct Proof {
 enum Look {
     /// By those that the driver had.
     First,
-    /// It would be refused: the controller is asked for them.
+    /// It would be refused: the controller is asked for them, and for settings that are not readable.
     Asking { answers: u32, until: Duration },
     /// By those that the controller has reported since.
     Second,
@@ -87,6 +87,9 @@ impl Proof {
             Look::First if workplace.refuses() && context.can_ask_offsets() => {
                 let answers = context.machine.offset_answers;
                 self.look = Look::Asking { answers, until: context.now + ANSWER };
+                if workplace.is_unreadable() {
+                    context.ask_settings();
+                }
                 context.ask_offsets();
                 return Judged::NotYet;
             }
@@ -96,8 +99,8 @@ impl Proof {
                     return Judged::NotYet;
                 }
                 self.look = Look::Second;
-                let now = context.machine.limits().map(|limits| limits.offsets);
-                if now.is_ok_and(|now| !now.is_near(&workplace.offsets)) {
+                let is_other = !context.machine.known_offsets().is_near(&workplace.offsets);
+                if is_other || workplace.is_unreadable() {
                     let beginning = workplace.beginning;
                     self.workplace = WorkplaceCheck::begin(context, request, beginning, None);
                     return Judged::NotYet;

@@ -119,8 +119,8 @@ impl ProgramRun {
         let limits = context.machine.limits_for_time();
         let time = CycleTime::new(&limits, &request.path, first, None);
         let workplace = match is_stretch {
-            true => WorkplaceCheck::begin_stretch(context, &run, first, self.judged_by),
-            false => WorkplaceCheck::begin_rest(context, &run, first, self.judged_by),
+            true => WorkplaceCheck::begin_stretch(context, &run, &encoder, self.judged_by),
+            false => WorkplaceCheck::begin_rest(context, &run, &encoder, self.judged_by),
         };
         let proof = Proof::new(encoder.clone(), time, workplace);
         let new_assumed = request.path.assumed_axes.without(self.job.request.path.assumed_axes);

@@ -28,8 +28,11 @@ pub struct RunRequest {
 }
 
 impl RunRequest {
-    /// The path of a single block.
-    pub(in crate::driver) fn mdi(path: Arc<CompensatedPath>) -> Self {
+    /// The path of a single block, and the tools of the table that is in force.
+    pub(in crate::driver) fn mdi(
+        path: Arc<CompensatedPath>,
+        tool_diameters_mm: BTreeMap<u32, f64>,
+    ) -> Self {
         let program_id = MDI.to_owned();
         let in_span = StartInSpan::Refused;
         Self {
@@ -40,7 +43,7 @@ impl RunRequest {
             occurrence: 0,
             in_span,
             check_only: false,
-            tool_diameters_mm: BTreeMap::new(),
+            tool_diameters_mm,
         }
     }
 

@@ -116,8 +116,7 @@ impl ProgramRun {
     /// true when there is something to judge.
     pub(super) fn judge_again(&mut self, context: &mut Context) -> bool {
         let Some(judged_by) = self.judged_by else { return false };
-        let now = context.machine.limits().map(|limits| limits.offsets);
-        if now.is_ok_and(|now| judged_by.is_near(&now)) {
+        if judged_by.is_near(&context.machine.known_offsets()) {
             return false;
         }
         let workplace = WorkplaceCheck::begin(context, &self.job.request, self.beginning, None);

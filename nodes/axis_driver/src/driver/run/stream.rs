@@ -72,6 +72,7 @@ impl ProgramRun {
                     }
                     (Some(Ok(EncoderStep::ControllerChange { tool, source })), _) => {
                         self.block = None;
+                        context.machine.spindle_tool = None;
                         Then::ControllerChange { tool, source }
                     }
                     (Some(Ok(EncoderStep::Probe { line, probe })), _) => {

@@ -4,11 +4,11 @@ use super::request::RunRequest;
 use crate::codes::error_code;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
-use crate::driver::context::limits::CheckTravel;
-use crate::driver::context::machine::Machine;
+use crate::driver::context::limits::{CheckTravel, KnownLimits};
 use crate::driver::output::LogLevel;
-use crate::envelope::{Beginning, Envelope, Workplace};
-use crate::machine_limits::{MachineLimits, StoredOffsets};
+use crate::encoder::Encoder;
+use crate::envelope::{Beginning, Envelope, EnvelopeReport, Workplace};
+use crate::machine_limits::StoredOffsets;
 use cnc_msgs::calls::chain_after;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::CompensatedPath;
@@ -19,9 +19,15 @@ pub(in crate::driver) struct WorkplaceCheck {
     envelope: Envelope,
     /// The stored positions that it is judged by.
     pub(in crate::driver) offsets: StoredOffsets,
+    /// Why the travel cannot be read, where it is wanted.
+    unreadable: Option<String>,
+    /// The controller has reported settings; else only a check is possible.
+    has_reported: bool,
     check_travel: CheckTravel,
     /// It is a part of a run, and no check beside one.
     is_of_run: bool,
+    /// Which tool is in the spindle is not known: any of them has to pass.
+    is_mdi: bool,
     pub(in crate::driver) beginning: Beginning,
     /// Elements that were judged in slices, and how many are to be.
     judged: usize,
@@ -40,8 +46,8 @@ fn log_not_checked(context: &mut Context, is_of_run: bool, level: LogLevel, text
 const ELEMENTS_PER_SLICE: usize = 2_000;
 
 impl WorkplaceCheck {
-    /// `None` where nothing is to be judged, or nothing can be; the log says why. `began_with`: the
-    /// stored positions when the run began, if it has: boxes stay where they were then.
+    /// `None` where nothing is to be judged. `began_with`: the stored positions when the run began, if
+    /// it has: boxes stay where they were then.
     pub(in crate::driver) fn begin(
         context: &mut Context,
         request: &RunRequest,
@@ -54,22 +60,13 @@ impl WorkplaceCheck {
         }
         let is_of_run = !request.is_only_encoded(context);
         let machine = &context.machine;
-        let (mut limits, mut when_homed) = match limits(machine) {
-            Ok(both) => both,
-            Err(because) => {
-                let what = match context.config.keep_out.keep_out.is_empty() {
-                    true => "the travel was",
-                    false => "travel and keep-out boxes were",
-                };
-                let text = format!("{what} not checked: {because}");
-                log_not_checked(context, is_of_run, LogLevel::Warn, text);
-                return None;
-            }
-        };
+        let KnownLimits { now: mut limits, mut when_homed, unreadable } = machine.known_limits();
         let workplace = Workplace {
             keep_out: &context.config.keep_out,
             tool_diameters_mm: &request.tool_diameters_mm,
             start_in_machine: machine.machine_position(),
+            spindle_tool: machine.spindle_tool,
+            is_judged_again: true,
         };
         let offsets = limits.offsets;
         limits.offsets = began_with.unwrap_or(offsets);
@@ -78,31 +75,48 @@ impl WorkplaceCheck {
         if !machine.is_homed {
             envelope = envelope.homed_by_path(&when_homed, workplace);
         }
-        let until = request.path.elements.len();
-        Some(Self { envelope, offsets, check_travel, is_of_run, beginning, judged: 0, until })
+        let (until, is_mdi) = (request.path.elements.len(), request.is_mdi());
+        let unreadable = unreadable.filter(|_| check_travel != CheckTravel::Off);
+        Some(Self {
+            envelope,
+            offsets,
+            unreadable,
+            has_reported: !machine.reported.is_empty(),
+            check_travel,
+            is_of_run,
+            is_mdi,
+            beginning,
+            judged: 0,
+            until,
+        })
+    }
+
+    /// Whether it is judged by settings that could not be read.
+    pub(in crate::driver) fn is_unreadable(&self) -> bool {
+        self.unreadable.is_some()
     }
 
     /// The same for the rest of a run that is under way: the path has set offsets before it.
     pub(in crate::driver) fn begin_rest(
         context: &mut Context,
         request: &RunRequest,
-        first_element: usize,
+        encoder: &Encoder,
         began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
-        let beginning = Beginning::with_element(&request.path, first_element);
+        let beginning = Beginning::of_rest(encoder);
         let mut check = Self::begin(context, request, beginning, began_with)?;
         check.envelope.go_on_with(&request.path, &check.offsets, None);
         Some(check)
     }
 
-    /// The same after a probe, for the elements before `until`: the tool is where it stands.
-    pub(in crate::driver) fn begin_after_probe(
+    /// The same after a probe or homing, for the elements before `until`: the tool is where it stands.
+    pub(in crate::driver) fn begin_from_here(
         context: &mut Context,
         request: &RunRequest,
-        (first_element, until): (usize, usize),
+        (encoder, until): (&Encoder, usize),
         began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
-        let check = Self::begin_stretch(context, request, first_element, began_with)?;
+        let check = Self::begin_stretch(context, request, encoder, began_with)?;
         Some(Self { until, ..check })
     }
 
@@ -110,16 +124,15 @@ impl WorkplaceCheck {
     pub(in crate::driver) fn begin_stretch(
         context: &mut Context,
         request: &RunRequest,
-        first_element: usize,
+        encoder: &Encoder,
         began_with: Option<StoredOffsets>,
     ) -> Option<Self> {
         let Some(here) = context.machine.machine_position() else {
-            let text =
-                "not checked: what follows the probe, since the place of the tool is not known";
+            let text = "not checked: what follows here, since the place of the tool is not known";
             context.log_not_checked(LogLevel::Warn, text.into());
             return None;
         };
-        let beginning = Beginning::with_element(&request.path, first_element);
+        let beginning = Beginning::of_rest(encoder);
         let mut check = Self::begin(context, request, beginning, began_with)?;
         check.envelope.go_on_with(&request.path, &check.offsets, Some(here));
         Some(check)
@@ -138,26 +151,46 @@ impl WorkplaceCheck {
 
     /// All of it was judged: whether the run is refused.
     pub(in crate::driver) fn refuses(&self) -> bool {
-        self.envelope.report().findings.iter().any(|finding| self.refuses_for(finding))
+        self.unreadable_refusal().is_some()
+            || self.envelope.report().findings.iter().any(|finding| self.refuses_for(finding))
     }
 
     fn refuses_for(&self, finding: &Finding) -> bool {
         match finding.code {
             Code::Travel => finding.is_error() && self.check_travel == CheckTravel::Refuse,
-            Code::KeepOut => finding.is_error(),
+            // Whoever types a block has no program to correct, and may not look at the log before it moves.
+            Code::KeepOut => finding.is_error() || self.is_mdi,
             // A thread that the controller cannot cut is not encoded.
             _ => false,
         }
     }
 
+    /// Who wants programs refused that leave the travel wants none to run whose travel nobody knows.
+    fn unreadable_refusal(&self) -> Option<Refusal> {
+        let is_wanted = self.check_travel == CheckTravel::Refuse && self.has_reported;
+        let because = self.unreadable.as_ref().filter(|_| is_wanted)?;
+        let message = format!(
+            "the travel cannot be checked: {because}; correct it in the controller, or set \
+             check_travel to warn to run without"
+        );
+        Some(Refusal::new(error_code::TRAVEL, message))
+    }
+
     /// All of it was judged: logs what is worth knowing, and gives why the run is refused.
     pub(in crate::driver) fn refusal(&self, context: &mut Context) -> Option<Refusal> {
-        let report = self.envelope.report();
+        if let Some(refusal) = self.unreadable_refusal() {
+            return Some(refusal);
+        }
+        if let Some(because) = &self.unreadable {
+            let text = format!("the travel was not checked: {because}");
+            log_not_checked(context, self.is_of_run, LogLevel::Warn, text);
+        }
+        let EnvelopeReport { findings, not_judged } = self.envelope.report();
         let is_judged = |finding: &Finding| {
             self.check_travel != CheckTravel::Off || finding.code == Code::KeepOut
         };
         let (errors, others): (Vec<_>, Vec<_>) =
-            report.findings.into_iter().filter(is_judged).partition(|it| self.refuses_for(it));
+            findings.into_iter().filter(is_judged).partition(|it| self.refuses_for(it));
         for finding in others {
             context.log(LogLevel::Warn, text(&finding));
         }
@@ -166,7 +199,7 @@ impl WorkplaceCheck {
             true => LogLevel::Info,
             false => LogLevel::Warn,
         };
-        for what in report.not_judged {
+        for what in not_judged {
             log_not_checked(context, self.is_of_run, level, format!("not checked: {what}"));
         }
         let first = errors.first()?;
@@ -181,18 +214,12 @@ impl WorkplaceCheck {
         }
         Some(Refusal::new(code, message))
     }
-}
 
-/// What the controller has reported about the machine, as it is and once it is homed.
-fn limits(machine: &Machine) -> Result<(MachineLimits, MachineLimits), String> {
-    if let Some(name) = machine.other_kinematics() {
-        return Err(format!("with {name} kinematics the travel is not a box"));
+    /// What was not compared with boxes, for whoever types a block: `; not checked: …`, or nothing.
+    pub(in crate::driver) fn remark(&self) -> String {
+        let said = self.envelope.not_compared().into_iter().filter(|_| self.is_mdi);
+        said.map(|it| format!("; not checked: {it}")).collect()
     }
-    if !machine.has_units {
-        return Err("the controller has not reported its units ($13)".into());
-    }
-    let limits = machine.limits().and_then(|now| Ok((now, machine.limits_when_homed()?)));
-    limits.map_err(|problem| problem.to_string())
 }
 
 /// `line 12: what is wrong; what to do`

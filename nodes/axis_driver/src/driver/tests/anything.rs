@@ -78,7 +78,10 @@ fn command(index: usize, path: &Arc<CompensatedPath>) -> Command {
         6 => Command::Unlock,
         7 => Command::Home,
         8 => Command::ConfirmToolChange { objection: None },
-        9 => Command::ExecuteMdi { path: Arc::new(straight(1)) },
+        9 => Command::ExecuteMdi {
+            path: Arc::new(straight(1)),
+            tool_diameters_mm: Default::default(),
+        },
         10 | 11 => Command::SetSingleBlock(index == 10),
         12 => Command::Jog(JogRequest {
             further: FurtherAxes::NONE,

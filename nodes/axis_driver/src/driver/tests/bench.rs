@@ -245,8 +245,10 @@ impl Bench {
     pub(super) fn new(config: DriverConfig) -> Self {
         // It goes nowhere and says the same words always; tests/tests/path_watch has axes.
         let config = DriverConfig { on_path_deviation: OnPathDeviation::Off, ..config };
-        let firmware =
-            Firmware { settings: "$13=0\r\n$22=1\r\n$110=60000.000\r\n", ..Firmware::default() };
+        let firmware = Firmware {
+            settings: "$13=0\r\n$22=1\r\n$110=60000.000\r\n$130=0\r\n$131=0\r\n$132=0\r\n",
+            ..Firmware::default()
+        };
         Self {
             driver: Driver::new(config.clone()),
             firmware,

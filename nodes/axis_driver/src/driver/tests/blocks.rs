@@ -143,7 +143,10 @@ fn n09_a_block_by_hand_runs_from_idle_only_and_is_in_the_record_with_its_path() 
     // A number that hardly survives a decimal notation.
     path.elements[0].end = [10.0 / 3.0, 0.1 + 0.2, 0.0];
     path.elements[0].end = path.elements[0].end.map(|mm| (mm * 1e9).round() / 1e9);
-    let mdi = |path: &CompensatedPath| Command::ExecuteMdi { path: Arc::new(path.clone()) };
+    let mdi = |path: &CompensatedPath| Command::ExecuteMdi {
+        path: Arc::new(path.clone()),
+        tool_diameters_mm: Default::default(),
+    };
     bench.command(5, mdi(&path));
     bench.until("it runs", |bench| bench.mode() == Mode::Run);
     assert_eq!((bench.state().program_id.as_str(), bench.state().compensation), (MDI, None));

@@ -51,7 +51,10 @@ fn an_inactive_driver_moves_nothing_and_still_holds_and_resets() {
         Command::Unlock,
         Command::Resume,
         Command::Sleep,
-        Command::ExecuteMdi { path: std::sync::Arc::new(straight(1)) },
+        Command::ExecuteMdi {
+            path: std::sync::Arc::new(straight(1)),
+            tool_diameters_mm: Default::default(),
+        },
     ] {
         let (code, message) = refusal(bench.ask(command));
         assert_eq!(

@@ -144,7 +144,7 @@ fn a_network_has_no_baud_rate_that_bounds_what_is_under_way() {
 #[test]
 fn inch_reports_are_understood_from_the_first_position_on() {
     let mut bench = Bench::new(DriverConfig::default());
-    bench.firmware.settings = "$13=1\r\n$22=0\r\n";
+    bench.firmware.settings = "$13=1\r\n$22=0\r\n$130=0\r\n$131=0\r\n$132=0\r\n";
     bench.handle(Input::PortOpened);
     bench.until("idle", |bench| bench.mode() == Mode::Idle);
     bench.start(straight(1));

@@ -1,5 +1,8 @@
 //! A program against the machine that it would run on: the driver and the virtual controller.
 
+mod boxes;
+mod unreadable;
+
 use axis_driver::codes::error_code;
 use axis_driver::driver::{
     CheckTravel, Command, DriverConfig, OffsetRequest, Refusal, ReplanRequest, RunOutcome,
@@ -155,7 +158,9 @@ fn a_program_that_leaves_the_travel_is_refused_before_the_first_byte() {
         let check = RunRequest { check_only: true, ..request(path(&OUT)) };
         assert_eq!(refused(&mut line, check).error_code, error_code::TRAVEL);
         let block = Arc::new(path(&OUT[1..2]));
-        let refusal = line.ask(Command::ExecuteMdi { path: block }).unwrap_err();
+        let refusal = line
+            .ask(Command::ExecuteMdi { path: block, tool_diameters_mm: Default::default() })
+            .unwrap_err();
         assert_eq!(refusal.error_code, error_code::TRAVEL, "{refusal}");
         // What the help says helps.
         set_zero(&mut line, [-512.5, -300.0, -60.0]);
