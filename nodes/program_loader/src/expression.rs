@@ -13,6 +13,7 @@
 mod arithmetic;
 mod trouble;
 
+use crate::limits::NUMBER_MAX;
 use crate::number::{self, NumberError};
 pub(crate) use arithmetic::spelled;
 use arithmetic::{Function, Operator};
@@ -21,8 +22,20 @@ pub(crate) use trouble::{ExpressionError, Trouble};
 
 /// Brackets, signs and `#` inside each other: more than any program needs, and no stack overflow.
 const DEPTH_MAX: u32 = 100;
-/// How near to a whole number the number of a parameter must be (LinuxCNC).
+/// How near to a whole number a value must be where a number is meant: of a tool, a parameter, passes (LinuxCNC).
 const WHOLE_TOLERANCE: f64 = 1e-4;
+
+/// The whole number that a value stands for, with at most eight digits: `[0.7/0.1]` is 7.
+#[inline]
+pub(crate) fn whole(value: f64) -> Option<u32> {
+    let number = value as u32;
+    if f64::from(number) == value && value <= NUMBER_MAX {
+        return Some(number);
+    }
+    let number = value.round();
+    let is_near = (value - number).abs() <= WHOLE_TOLERANCE;
+    (is_near && (0.0..=NUMBER_MAX).contains(&number)).then_some(number as u32)
+}
 
 /// The values of parameters.
 pub(crate) trait Lookup {

@@ -14,10 +14,12 @@ use crate::findings::Findings;
 use crate::limits::FlowLimits;
 use crate::line::Line;
 use crate::parameters::ARGUMENTS;
+use crate::subroutines::{file_starts, is_file_name};
 use cnc_msgs::calls::Calls;
 use cnc_msgs::finding::{Code, Finding};
 pub(crate) use map::{Cursor, FlowMap};
 use map::{line_at, shown};
+pub(crate) use programs::no_program;
 use running::{Call, Frame, Loop};
 pub(crate) use scene::World;
 use scene::{Scene, Stopped};
@@ -98,14 +100,14 @@ impl<'t> Flow<'t> {
         found.is_ok_and(|at| matches!(entries[at].keyword, Keyword::Number | Keyword::Sub))
     }
 
-    /// Counts a line; returns whether it may be executed. `events` so far count as well: a cycle
-    /// makes many of one line.
-    pub(crate) fn count(&mut self, line: Line<'_>, events: usize, findings: &mut Findings) -> bool {
+    /// Counts a line; returns whether it may be executed. The `work` so far counts as well: a cycle
+    /// makes many moves of one line.
+    pub(crate) fn count(&mut self, line: Line<'_>, work: u64, findings: &mut Findings) -> bool {
         self.executed += 1;
         self.executed_bytes += line.text.len() as u64;
         let FlowLimits { blocks_max, bytes_max, .. } = self.limits;
         let message = match () {
-            () if self.executed.max(events as u64) > blocks_max => {
+            () if self.executed.max(work) > blocks_max => {
                 format!("more than {blocks_max} blocks have been executed")
             }
             () if self.executed_bytes > bytes_max => {
@@ -211,7 +213,7 @@ impl<'t> Flow<'t> {
                 self.loops().pop();
             }
             Keyword::Repeat => {
-                let passes = scene.value()?.round();
+                let passes = scene.value()?.round_ties_even();
                 if passes < 1.0 {
                     return Ok(Next::Jump(self.map.entries[partner].next));
                 }
@@ -288,6 +290,23 @@ impl<'t> Flow<'t> {
         }
     }
 
+    /// What is wrong with a call of a subroutine that there is not, and what to do.
+    fn no_subroutine(&self, name: &str) -> (String, String) {
+        let what = shown(name);
+        let here = format!("write o{what} sub ... o{what} endsub into the program");
+        if file_starts(self.text).iter().any(|(_, file, _)| file == name) {
+            let message = format!("{name}.ngc defines no subroutine O{what}");
+            return (message, format!("begin it with o{what} sub, and end it with o{what} endsub"));
+        }
+        let help = match is_file_name(name) {
+            true => {
+                format!("{here}, or put {name}.ngc into a folder of subroutines (--subroutines)")
+            }
+            false => format!("{here}; a name with a file has small letters, digits, _ and - alone"),
+        };
+        (format!("there is no subroutine O{what}"), help)
+    }
+
     fn call(&mut self, at: Cursor, scene: &mut Scene<'_, '_, '_>) -> Result<Next, Stopped> {
         let name = scene.name()?;
         let arguments = scene.arguments()?;
@@ -306,10 +325,7 @@ impl<'t> Flow<'t> {
                     ),
                     format!("call it with M98 P{name}, or begin it with o{what} sub"),
                 ),
-                None => (
-                    format!("there is no subroutine O{what}"),
-                    format!("write o{what} sub ... o{what} endsub into the program"),
-                ),
+                None => self.no_subroutine(&name),
             };
             return Err(scene.refuse(Code::Syntax, message, &help));
         };

@@ -35,8 +35,9 @@ mod turn;
 use crate::block::Block;
 use crate::bounds::Bounds;
 use crate::dialect::{FeedMode, GWord, Group, Letters, Units};
+use crate::expression::whole;
 use crate::findings::Findings;
-use crate::limits::{MM_PER_INCH, NUMBER_MAX};
+use crate::limits::MM_PER_INCH;
 use crate::line::Line;
 use crate::rules::Rules;
 use axes::Axes;
@@ -111,6 +112,8 @@ pub(crate) struct Interpreter<'r> {
     stored: BTreeMap<u32, f64>,
     rotations: Rotations,
     open_curve: Option<OpenCurve>,
+    /// Of the curves so far, in plain moves.
+    curve_work: u64,
     /// P and Q of the last G5, while no other motion has come.
     last_cubic: Option<[f64; 2]>,
     probes: Probes,
@@ -152,6 +155,7 @@ impl<'r> Interpreter<'r> {
             stored: BTreeMap::new(),
             rotations: Rotations::default(),
             open_curve: None,
+            curve_work: 0,
             last_cubic: None,
             probes: Probes::default(),
         }
@@ -160,6 +164,11 @@ impl<'r> Interpreter<'r> {
     /// Whether a block has been executed.
     pub(crate) fn has_begun(&self) -> bool {
         self.has_begun
+    }
+
+    /// What has been done so far, in plain moves: a piece of a curve takes as long as several.
+    pub(crate) fn work(&self) -> u64 {
+        self.event_count() as u64 + self.curve_work
     }
 
     /// Events so far.
@@ -354,15 +363,15 @@ impl<'r> Interpreter<'r> {
     #[inline]
     fn take_number(&mut self, scene: &mut Scene<'_>, letter: u8) -> Option<u32> {
         let value = self.take(letter)?;
-        let number = value as u32;
-        if f64::from(number) == value && value <= NUMBER_MAX {
-            return Some(number);
+        let number = whole(value);
+        if number.is_some() {
+            return number;
         }
         if !value.is_nan() {
-            let message = format!(
-                "{} is not a whole number of at most eight digits",
-                scene.quote(self.request.word(letter))
-            );
+            let word = scene.quote(self.request.word(letter));
+            let is_computed = word.contains(['[', '#']);
+            let value = if is_computed { format!(" ({value})") } else { String::new() };
+            let message = format!("{word}{value} is not a whole number of at most eight digits");
             let help = "write a whole number from 0 to 99999999";
             self.report(scene, letter, Code::BadNumber, message, help);
         }

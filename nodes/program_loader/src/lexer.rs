@@ -191,7 +191,7 @@ impl Lexer<'_> {
             ),
             NumberError::Exponent => (
                 format!("`{quote}` has an exponent"),
-                "write the number out: 100000 instead of 1e5",
+                "write the number out: 100000 instead of 1e5, 0.00001 instead of 1e-5",
             ),
             NumberError::TooLarge => {
                 (format!("`{quote}` is too large"), "look for a missing decimal point")

@@ -38,6 +38,8 @@ pub const EVENTS_MAX: usize = LINES_MAX as usize;
 /// How far a chip-breaking or peck cycle stays away from the last depth in rapid, mm: a hundredth
 /// of an inch (LinuxCNC).
 pub const PECK_CLEARANCE_MM: f64 = 0.254;
+/// What is left of a step by rounding is none: 0.3 in is not three times 0.1 in.
+pub const STEP_LEFT_MM: f64 = 1e-6;
 
 /// An axis that goes less far stands still: half of the last place that is sent to a controller.
 pub const STAYS_MM: f64 = 0.000_05;

@@ -13,7 +13,7 @@ use crate::block::Block;
 use crate::dialect::{Dialect, GWord, OffsetWord};
 use crate::expression::Parameter;
 use crate::findings::{Findings, Mark};
-use crate::flow::{Cursor, Flow, FlowMap, Next, World};
+use crate::flow::{Cursor, Flow, FlowMap, Next, World, no_program};
 use crate::interpreter::{After, Interpreter, code_in_tenths};
 use crate::lexer;
 use crate::limits;
@@ -158,8 +158,8 @@ impl<'r> Reader<'r> {
             if is_after && flow.begins_at(line.number) {
                 return Outcome::Stop;
             }
-            let events = self.interpreter.event_count();
-            if !is_after && !flow.count(line, events, &mut self.findings) {
+            let work = self.interpreter.work();
+            if !is_after && !flow.count(line, work, &mut self.findings) {
                 return self.stop(line);
             }
         }
@@ -421,10 +421,7 @@ impl<'r> Reader<'r> {
         if let After::Call { program, .. } = after {
             let (message, help) = match programs {
                 Some(programs) => programs.missing(program),
-                None => (
-                    "M98 calls a program that the text does not have".to_owned(),
-                    "write the program after the end of the main program: O100 ... M99".to_owned(),
-                ),
+                None => no_program(program),
             };
             let source = line.source(self.block.number, self.block.start, self.block.end);
             self.findings.push(Finding::error(Code::Syntax, source, message).help(help));

@@ -5,12 +5,12 @@
 //! one hash, is recorded whole, and can be replayed without the files. Knows which files are
 //! wanted, not where they are.
 
-use crate::block::{Block, LexerRules, Programs, Word};
-use crate::expression::{Lookup, Trouble};
+use crate::block::{Block, LexerRules, Word};
+use crate::expression::{Lookup, Trouble, whole};
 use crate::findings::Findings;
 use crate::flow::FlowMap;
 use crate::lexer;
-use crate::limits::{APPENDED, LIBRARY_FILES_MAX, LINE_BYTES_MAX, NUMBER_MAX, PROGRAM_BYTES_MAX};
+use crate::limits::{APPENDED, LIBRARY_FILES_MAX, LINE_BYTES_MAX, PROGRAM_BYTES_MAX};
 use crate::line::Line;
 use cnc_msgs::profile::Profile;
 use std::collections::BTreeSet;
@@ -86,56 +86,70 @@ impl CalledPrograms {
         let mut findings = Findings::default();
         let Some(programs) = rules.programs else {
             let map = FlowMap::of(text, false, &mut findings);
-            return map.undefined_calls().map(str::to_owned).collect();
+            self.search(text, rules, None);
+            let called = self.numbers.iter().map(u32::to_string);
+            let programs = called.filter(|number| !map.programs.contains_key(number.as_str()));
+            return map.undefined_calls().map(str::to_owned).chain(programs).collect();
         };
         if self.searched == 0 {
             // Of two files that have a program one is not chosen: both are read, which is an error.
             self.own =
                 FlowMap::of_programs(text, programs, &mut findings).programs.into_keys().collect();
         }
-        self.search(&text[self.searched..], rules, programs);
-        self.searched = text.len();
+        self.search(text, rules, programs.call);
         let called = self.numbers.iter().map(u32::to_string);
         called.filter(|number| !self.own.contains(number.as_str())).collect()
     }
 
-    fn search(&mut self, text: &[u8], rules: &LexerRules, programs: &Programs) {
+    /// Searches what has been appended since. `call`: the letters of a call that is no M98.
+    fn search(&mut self, text: &[u8], rules: &LexerRules, call: Option<(u8, u8)>) {
+        let text = &text[std::mem::replace(&mut self.searched, text.len())..];
         let mut block = Block::default();
-        for line in text.split(|byte| *byte == b'\n') {
-            if line.len() > LINE_BYTES_MAX || !may_call(line, programs) {
-                continue;
+        match call {
+            Some((letter, _)) => {
+                // `LF` ends many lines.
+                let may_call = |line: &&[u8]| {
+                    memchr::memchr2_iter(letter, letter.to_ascii_lowercase(), line)
+                        .any(|at| !line.get(at + 1).is_some_and(u8::is_ascii_alphabetic))
+                };
+                for line in text.split(|byte| *byte == b'\n').filter(may_call) {
+                    self.read(line, rules, letter, &mut block);
+                }
             }
-            let line = Line { number: 1, text: line.strip_suffix(b"\r").unwrap_or(line), call: 0 };
-            lexer::read(line, rules, &mut block, &mut Findings::default(), &NoValues);
-            let is_m98 =
-                |word: &Word| word.letter == b'M' && crate::code_in_tenths(word.value) == Some(980);
-            let letter = match programs.call {
-                Some((letter, _)) => letter,
-                None if block.words.iter().any(is_m98) => b'P',
-                None => continue,
-            };
-            if let Some(word) = block.words.iter().find(|word| word.letter == letter)
-                && (0.0..=NUMBER_MAX).contains(&word.value)
-                && word.value.fract() == 0.0
-            {
-                self.numbers.insert(word.value as u32);
+            None => {
+                let mut end = 0;
+                for at in memchr::memchr2_iter(b'M', b'm', text) {
+                    if at >= end && may_be_98(&text[at + 1..]) {
+                        let start = memchr::memrchr(b'\n', &text[..at]).map_or(0, |it| it + 1);
+                        end = memchr::memchr(b'\n', &text[at..]).map_or(text.len(), |it| at + it);
+                        self.read(&text[start..end], rules, b'P', &mut block);
+                    }
+                }
             }
         }
     }
+
+    /// Takes the numbers that a line calls with this letter, in a block with M98 if it is P.
+    fn read(&mut self, line: &[u8], rules: &LexerRules, letter: u8, block: &mut Block) {
+        if line.len() > LINE_BYTES_MAX {
+            return;
+        }
+        let line = Line { number: 1, text: line.strip_suffix(b"\r").unwrap_or(line), call: 0 };
+        lexer::read(line, rules, block, &mut Findings::default(), &NoValues);
+        let is_m98 =
+            |word: &Word| word.letter == b'M' && crate::code_in_tenths(word.value) == Some(980);
+        if letter == b'P' && !block.words.iter().any(is_m98) {
+            return;
+        }
+        let number = block.words.iter().find(|word| word.letter == letter);
+        self.numbers.extend(number.and_then(|word| whole(word.value)));
+    }
 }
 
-/// Whether a line may have a call, without reading its words.
-fn may_call(line: &[u8], programs: &Programs) -> bool {
-    match programs.call {
-        // Blanks and leading zeros may stand before each digit: `M9 8`.
-        None => memchr::memchr2_iter(b'M', b'm', line).any(|at| {
-            let mut digits = line[at + 1..].iter().filter(|byte| !matches!(byte, b' ' | b'\t'));
-            digits.find(|byte| **byte != b'0') == Some(&b'9') && digits.next() == Some(&b'8')
-        }),
-        // `LF` ends many lines.
-        Some((letter, _)) => memchr::memchr2_iter(letter, letter.to_ascii_lowercase(), line)
-            .any(|at| !line.get(at + 1).is_some_and(u8::is_ascii_alphabetic)),
-    }
+/// Whether the digits of M98 follow. Blanks and leading zeros may stand before each: `M9 8`.
+fn may_be_98(text: &[u8]) -> bool {
+    let mut digits = text.iter().filter(|byte| !matches!(byte, b' ' | b'\t'));
+    digits.find(|byte| **byte != b'0') == Some(&b'9') && digits.next() == Some(&b'8')
 }
 
 /// Values before the program runs.
@@ -232,7 +246,7 @@ fn file_after(line: &str) -> Option<(&str, u32)> {
 }
 
 /// Whether a subroutine of this name may have a file. No name leads out of a folder.
-fn is_file_name(name: &str) -> bool {
+pub(crate) fn is_file_name(name: &str) -> bool {
     let is_letter = |byte: u8| {
         byte.is_ascii_lowercase() || byte.is_ascii_digit() || matches!(byte, b'_' | b'-')
     };
@@ -268,6 +282,21 @@ mod tests {
                 "{main}\n{APPENDED}\n(file pocket.ngc, 4 lines)\n{pocket}(file hole.ngc, 3 lines)\n{hole}"
             )
         );
+    }
+
+    #[test]
+    fn m98_reads_a_file_where_the_text_has_no_program_of_the_number() {
+        let profile = settings::load_profile("rs274").expect("a shipped profile");
+        let file = "O100\nG0 Y1\nM99\n";
+        let text = assemble(
+            "G0 X1\nM98 P100 L2\nM98 P7\nG0 X9\nM30\nO7\nM99\n",
+            &[("100", file), ("7", file)],
+        );
+        let loaded = crate::load(text.as_bytes(), &profile, &crate::LoadOptions::default());
+        assert!(loaded.is_accepted(), "{text}: {:?}", loaded.findings);
+        // Two passes of the file between two moves, and the end; O7 is in the text.
+        assert_eq!(loaded.contour.events.len(), 5, "{text}");
+        assert_eq!(loaded.contour.events[1].source.line, 11);
     }
 
     #[test]

@@ -117,7 +117,7 @@ impl Trouble {
         match self {
             Self::NoValue => "write a number, a parameter, or an expression in [ ]".to_owned(),
             Self::Number { is_exponent: true } => {
-                "write the number out: 100000 instead of 1e5".to_owned()
+                "write the number out: 100000 instead of 1e5, 0.00001 instead of 1e-5".to_owned()
             }
             Self::Number { is_exponent: false } => {
                 "write it with at most one decimal point".to_owned()

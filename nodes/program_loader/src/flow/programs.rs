@@ -171,6 +171,15 @@ fn number_after(text: &[u8], begins: &str) -> Option<u32> {
     std::str::from_utf8(&rest[blanks..blanks + digits]).ok()?.parse().ok()
 }
 
+/// What is wrong with M98 where neither the text nor a file has the program, and what to do.
+pub(crate) fn no_program(number: u32) -> (String, String) {
+    let help = format!(
+        "write O{number} ... M99 after the end of the main program, or into {number}.ngc in a folder of subroutines \
+         (--subroutines)"
+    );
+    (format!("there is no program O{number}"), help)
+}
+
 /// Whether a text has neither blocks nor O words: `%`, comments, empty lines.
 fn is_blank(text: &[u8]) -> bool {
     text.split(|byte| *byte == b'\n')
@@ -220,10 +229,7 @@ impl Flow<'_> {
                     format!("O{program} is a subroutine, not a program"),
                     format!("call it with o{program} call"),
                 ),
-                None => (
-                    format!("there is no program O{program}"),
-                    format!("write O{program} ... M99 after the end of the main program"),
-                ),
+                None => no_program(program),
             };
             let source = line.source(None, 0, usize::MAX);
             world.findings.push(Finding::error(Code::Syntax, source, message).help(help));

@@ -106,7 +106,13 @@ impl Scene<'_, '_, '_> {
         let message = format!("`{quote}` after {}", self.statement.keyword.word());
         let source = self.line.source(self.statement.block, at, self.statement.end);
         let finding = Finding::error(Code::Syntax, source, message);
-        self.world.findings.push(finding.help("write it into a line of its own"));
+        let help = match self.statement.keyword {
+            Keyword::Call | Keyword::Return | Keyword::EndSub => {
+                "write each value in brackets, as in o1 call [5]"
+            }
+            _ => "write it into a line of its own",
+        };
+        self.world.findings.push(finding.help(help));
         Err(Stopped)
     }
 

@@ -6,6 +6,7 @@ use super::arc::{self, ArcTrouble, InPlane, Resolved};
 use super::moves::CENTER_WORDS;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, GWord, Units};
+use crate::expression::whole;
 use crate::limits::{
     ARC_MISMATCH_INCH, ARC_MISMATCH_MM, ARC_R_SHORT_INCH, ARC_R_SHORT_MM, ARC_TURNS_MAX,
     COORDINATE_MM_MAX, MM_PER_INCH,
@@ -59,8 +60,10 @@ impl Interpreter<'_> {
             return Some(1);
         }
         let Some(turns) = self.take(b'P') else { return Some(1) };
-        if (1.0..=ARC_TURNS_MAX).contains(&turns) && turns.fract() == 0.0 {
-            return Some(turns as u16);
+        if let Some(turns) = whole(turns).and_then(|turns| u16::try_from(turns).ok())
+            && (1.0..=ARC_TURNS_MAX).contains(&f64::from(turns))
+        {
+            return Some(turns);
         }
         if !turns.is_nan() {
             let message = format!("an arc cannot make {turns} turns");

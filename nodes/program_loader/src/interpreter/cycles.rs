@@ -7,7 +7,7 @@ use super::{FeedMode, Interpreter, Scene};
 use crate::dialect::{Distance, Group};
 use crate::limits::{
     COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, EVENTS_MAX,
-    PECK_CLEARANCE_MM,
+    PECK_CLEARANCE_MM, STEP_LEFT_MM,
 };
 use cnc_msgs::contour::{Action, MotionClass, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
@@ -132,7 +132,13 @@ impl Interpreter<'_> {
             interpreter.take_within(scene, word, scale, COORDINATE_MM_MAX, "mm")
         };
         let r = has(self, scene, b'R');
-        let step = has(self, scene, b'Q');
+        let step = match cycle.needs() {
+            Some(b'Q') => has(self, scene, b'Q'),
+            _ => {
+                self.refuse_step(scene, cycle);
+                None
+            }
+        };
         let dwell = match cycle.can_dwell() {
             true => self.take_within(scene, b'P', 1.0, DWELL_SECONDS_MAX, "s"),
             false => None,
@@ -314,6 +320,17 @@ impl Interpreter<'_> {
         !wanted
     }
 
+    /// Q in a cycle that goes down in one step.
+    fn refuse_step(&mut self, scene: &mut Scene<'_>, cycle: Cycle) {
+        if self.take(b'Q').is_some() {
+            let quote = scene.quote(self.request.word(b'Q'));
+            let message =
+                format!("G{} goes down in one step: nothing uses {quote}", cycle.number());
+            let help = "write G83 or G73 to drill in steps of Q, or delete Q";
+            self.report(scene, b'Q', Code::Syntax, message, help);
+        }
+    }
+
     #[cold]
     fn below(&mut self, scene: &mut Scene<'_>, letter: char, r: f64, bottom: f64) {
         let scale = self.scale();
@@ -338,7 +355,7 @@ impl Interpreter<'_> {
             }
             Cycle::ChipBreak | Cycle::Peck => {
                 let mut depth = plan.r - plan.step;
-                while depth > plan.bottom {
+                while depth > plan.bottom + STEP_LEFT_MM {
                     self.go(feed, hole, across, depth);
                     if plan.cycle == Cycle::Peck {
                         self.go(rapid, hole, across, plan.r);

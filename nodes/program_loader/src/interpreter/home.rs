@@ -114,6 +114,11 @@ impl Interpreter<'_> {
         self.modal.distance = distance;
         self.axes.position = position;
         let further = self.further_values(scene);
+        if end.named.is_empty() && further.is_empty() && !self.request.has_refused_word {
+            let message = "G53 without X, Y or Z".to_owned();
+            let help = "name the axes that move, or delete G53: it acts in its own block alone";
+            return self.report_at(scene, at, Code::MissingWord, message, help);
+        }
         let rapid = match self.modal.mode {
             Some(Mode::Rapid) => true,
             Some(Mode::Feed) => false,
@@ -154,16 +159,6 @@ impl Interpreter<'_> {
             let help = format!("move {letters} with G53 and G0");
             self.further.poison(further);
             return self.report_at(scene, at, Code::Unsupported, message, &help);
-        }
-        if end.named.is_empty() && further.is_empty() && !self.request.has_refused_word {
-            let message = "G53 without X, Y or Z".to_owned();
-            return self.report_at(
-                scene,
-                at,
-                Code::MissingWord,
-                message,
-                "name the axes that move",
-            );
         }
         let class = if rapid { MotionClass::Rapid } else { MotionClass::Feed };
         if !rapid && self.has_feed_of_radius() && end.named.contains(0) {

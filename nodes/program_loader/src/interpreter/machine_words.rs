@@ -5,6 +5,7 @@
 
 use super::{Interpreter, Scene};
 use crate::dialect::Letters;
+use crate::expression::whole;
 use cnc_msgs::contour::Action;
 use cnc_msgs::finding::Code;
 use cnc_msgs::text::Words;
@@ -115,7 +116,7 @@ impl Interpreter<'_> {
     }
 
     fn check_value(&mut self, scene: &mut Scene<'_>, number: u16, letter: u8, value: f64) {
-        let is_whole = value.fract() == 0.0;
+        let is_whole = whole(value).is_some();
         let (is_good, help) = match (number, letter) {
             _ if value.is_nan() => return,
             (19, b'R') => ((0.0..=360.0).contains(&value), "write an angle from 0 to 360"),

@@ -118,7 +118,7 @@ impl Interpreter<'_> {
             self.lost_compensation(scene);
         }
         match self.modal.mode {
-            None if self.request.has_refused_word => {
+            None if self.request.is_damaged => {
                 // The rejected word may have been the motion.
                 self.modal.mode_is_poisoned = true;
                 self.skip_move(scene);

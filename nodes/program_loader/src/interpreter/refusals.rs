@@ -128,8 +128,13 @@ impl Request {
     #[cold]
     pub(super) fn unknown(&mut self, scene: &mut Scene<'_>, at: usize) {
         let message = format!("{} has no word {}", scene.rules.control, scene.quote(at));
+        let word = scene.block.words[at];
+        let instead = match scene.rules.dialect.lexer.parameters {
+            true => instead(word.letter, word.value),
+            false => None,
+        };
         let help = "delete it, or choose the control that the program was written for";
-        self.refuse(scene, at, Code::UnknownWord, message, help);
+        self.refuse(scene, at, Code::UnknownWord, message, instead.unwrap_or(help));
     }
 
     #[cold]
@@ -160,4 +165,19 @@ impl Request {
         self.has_refused_word = true;
         scene.findings.push(Finding::error(code, scene.source_of(at), message).help(help));
     }
+}
+
+/// What RS-274 has in the place of a word that posts of other controls write.
+fn instead(letter: u8, value: f64) -> Option<&'static str> {
+    const INSTEAD: [(u8, f64, &str); 8] = [
+        (b'G', 31.0, "probe with G38.2"),
+        (b'G', 50.0, "delete it; the highest speed under G96 is its D"),
+        (b'G', 54.1, "select one of G54 to G59.3"),
+        (b'G', 65.0, "write a subroutine, o<name> sub, and call it with o<name> call"),
+        (b'G', 68.0, "rotate the work system with G10 L2 P R, or post rotated"),
+        (b'G', 187.0, "delete it; how closely corners are cut is a setting of the controller"),
+        (b'M', 10.0, "delete it; outputs are switched with M64 and M65"),
+        (b'M', 11.0, "delete it; outputs are switched with M64 and M65"),
+    ];
+    INSTEAD.iter().find(|it| it.0 == letter && it.1 == value).map(|it| it.2)
 }

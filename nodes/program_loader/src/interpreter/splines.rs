@@ -137,7 +137,11 @@ impl Interpreter<'_> {
     fn quadratic(&mut self, scene: &mut Scene<'_>, end: &End) {
         let Some(out) = self.pair(scene, b'I', b'J') else {
             let message = "G5.1 without I and J".to_owned();
-            let help = "write I and J: from the start to the control point";
+            let help = match self.take(b'Q') {
+                // Fanuc's look-ahead.
+                Some(_) => "delete it: with Q alone it is a setting of another control",
+                None => "write I and J: from the start to the control point",
+            };
             if !self.request.is_damaged {
                 self.report_block(scene, Code::MissingWord, message, help);
             }
@@ -258,6 +262,8 @@ impl Interpreter<'_> {
             self.report_block(scene, Code::Limit, message, "split the curve");
             return false;
         };
+        // Measured: a piece of a curve of order 3, 4 and 10 takes as long as 3, 5 and 30 moves.
+        self.curve_work += pieces.len() as u64 * (order * order) as u64 / 3;
         if self.event_count() + pieces.len() > EVENTS_MAX {
             let message = "the program has too many moves".to_owned();
             self.report_block(scene, Code::Limit, message, "split the program");

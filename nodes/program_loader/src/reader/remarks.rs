@@ -30,7 +30,7 @@ impl Reader<'_> {
             RemarkWord::LogFile => self.no_log(line, remark),
             RemarkWord::Abort => {
                 let source = line.source(self.block.number, remark.start, remark.end);
-                let text = String::from_utf8_lossy(text);
+                let text = self.text_with_values(line, remark);
                 let message = format!("the program ends itself here: {}", text.trim());
                 let help = "the program has found what it cannot go on with; change its input";
                 self.findings.push(Finding::error(Code::Syntax, source, message).help(help));

@@ -1,0 +1,114 @@
+//! What was found beside LinuxCNC's interpreter, and in programs that other controls' posts write.
+
+use super::*;
+use cnc_msgs::contour::{ContourEvent, ContourEventKind, Motion, MotionClass};
+use cnc_msgs::finding::Finding;
+
+/// The help of the first error.
+fn help(text: &str) -> String {
+    let loaded = read(text);
+    let first = loaded.findings.iter().find(|it| it.is_error()).expect("an error");
+    first.help.clone()
+}
+
+#[test]
+fn a_step_in_a_cycle_that_has_none_is_refused() {
+    for number in [81, 82, 85, 89] {
+        let text = format!("F100 G0 X0 Y0 Z5\nG{number} X1 Z-1 R1 P1 Q2\nM2");
+        let text = if matches!(number, 82 | 89) { text } else { text.replace(" P1", "") };
+        let message = format!("G{number} goes down in one step: nothing uses Q2");
+        check_bad(&[(&text, &[("Q2", &message)])]);
+    }
+    // A step stays in force, and another cycle in between does not need it.
+    let text = "F100 G0 X0 Y0 Z5\nG83 X0 Z-2 R1 Q1.5\nX1 Q2\nM2";
+    assert!(read(text).is_accepted());
+    assert!(!read("F100 G0 X0 Y0 Z5\nG81 X1 Z-1 R1\nX2 Q2\nM2").is_accepted());
+}
+
+#[test]
+fn whole_numbers_bear_the_noise_of_a_computation() {
+    check(&[
+        ("T[0.1*3*10]\nM2", "T3; M2", &[]),
+        ("M64 P[0.7/0.1]\nM2", "M64 P6.999999999999999; M2", &[]),
+    ]);
+    let drill = "F100 G0 X0 Y0 Z5\nG91 G81 X0.1 Z-3 R-3 L[0.7/0.1]\nM2";
+    assert_eq!(read(drill).contour.events.len(), 1 + 7 * 4 + 1);
+    assert!(read("G21 F100\nG0 X0 Y0\nG2 X10 Y0 I5 P[0.1*3*10]\nM2").is_accepted());
+    check_bad(&[(
+        "#1=7.5\nT[#1]\nM2",
+        &[("T[#1]", "T[#1] (7.5) is not a whole number of at most eight digits")],
+    )]);
+}
+
+#[test]
+fn a_step_that_fits_leaves_no_cut_of_air() {
+    // 0.3 in are not three times 0.1 in.
+    let feeds = |text: &str| {
+        let loaded = read(text);
+        assert!(loaded.is_accepted(), "{:?}", loaded.findings);
+        let is_feed = |it: &&ContourEvent| {
+            matches!(it.kind, ContourEventKind::Motion(Motion { class: MotionClass::Feed, .. }))
+        };
+        loaded.contour.events.iter().filter(is_feed).count()
+    };
+    assert_eq!(feeds("G20 F10 G0 X0 Y0 Z1\nG83 X1 Y1 Z0.2 R0.5 Q0.1\nM2"), 3);
+    assert_eq!(feeds("G20 F10 G0 X0 Y0 Z1\nG73 X1 Y1 Z-0.7 R0.5 Q0.15\nM2"), 8);
+}
+
+#[test]
+fn half_a_pass_is_rounded_to_the_even_number() {
+    for (passes, moves) in [("0.5", 0), ("1.5", 2), ("2.5", 2), ("2.6", 3)] {
+        let text = format!("G91 G0 X0\no1 repeat [{passes}]\nG0 X1\no1 endrepeat\nM2");
+        assert_eq!(read(&text).contour.events.len(), 2 + moves, "{passes}");
+    }
+}
+
+#[test]
+fn an_abort_shows_values() {
+    check_bad(&[(
+        "#1=5\n(ABORT, no tool %d#1)\nM2",
+        &[("(ABORT, no tool %d#1)", "the program ends itself here: no tool 5")],
+    )]);
+}
+
+#[test]
+fn words_of_other_controls_are_answered_with_what_there_is_here() {
+    for (text, says) in [
+        ("G68 X0 Y0 R30\nM2", "G10 L2 P R"),
+        ("F100 G31 Z-5\nM2", "G38.2"),
+        ("G54.1 P3\nM2", "G59.3"),
+        ("G65 P100\nM2", "call"),
+        ("M10\nM2", "M64"),
+        ("G5.1 Q1\nM2", "setting of another control"),
+        ("G0 X1.5E-5\nM2", "0.00001 instead of 1e-5"),
+        ("G53 G90 G40\nM2", "delete G53"),
+        ("o1 sub\no1 endsub\no1 call 5\nM2", "[5]"),
+        ("o<pocket> call\nM2", "put pocket.ngc into a folder"),
+        ("o<../x> call\nM2", "small letters"),
+        ("M98 P7\nM2", "7.ngc"),
+    ] {
+        assert!(help(text).contains(says), "{text}: {}", help(text));
+    }
+}
+
+#[test]
+fn an_error_of_a_word_brings_no_second_one_for_the_axes_after_it() {
+    check_bad(&[("G04 X1.\nM2", &[("G04", "G04 without a time")])]);
+}
+
+#[test]
+fn a_piece_of_a_curve_counts_as_the_moves_that_take_as_long() {
+    let is_accepted = |body: &str| {
+        let text = format!("F100 G0 X0 Y0\no1 repeat [100]\n{body}\no1 endrepeat\nM2");
+        let mut options = LoadOptions::default();
+        options.flow.blocks_max = 2_000;
+        let loaded = load(text.as_bytes(), &profile("rs274"), &options);
+        let is_bounded = |it: &Finding| it.message.contains("blocks have been executed");
+        assert!(loaded.findings.iter().all(is_bounded), "{:?}", loaded.findings);
+        loaded.is_accepted()
+    };
+    assert!(is_accepted("G1 X1\nG1 X0"));
+    assert!(is_accepted("G81 X1 Z-1 R1 L4"));
+    // Some eight pieces of order 4 in each pass.
+    assert!(!is_accepted("G5 X100 Y0 I30 J300 P-30 Q-300\nG0 X0 Y0"));
+}
