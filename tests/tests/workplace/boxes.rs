@@ -97,7 +97,7 @@ fn a_block_by_hand_is_compared_with_the_tool_that_was_changed_to_last() {
     line.finished = None;
     assert_eq!(line.run(path(&[[10.0, 0.0, 5.0]])).outcome, RunOutcome::Succeeded);
     let tools = [(1, 6.0), (2, 0.2), (9, 50.0)];
-    let mut refused = |line: &mut Line, tools: &[(u32, f64)], words: &str| {
+    let refused = |line: &mut Line, tools: &[(u32, f64)], words: &str| {
         let (then, stands) = (line.now, line.axes());
         let refusal = line.ask(block(tools)).expect_err("it is refused");
         assert_eq!(refusal.error_code, error_code::KEEP_OUT, "{refusal}");
@@ -109,7 +109,7 @@ fn a_block_by_hand_is_compared_with_the_tool_that_was_changed_to_last() {
     // Nobody has said which one is in: the largest has to pass.
     refused(&mut line, &tools, "which tool is in the spindle is not known: T9 (radius 25.000 mm)");
     // If all of them pass it runs.
-    let mut passes = |line: &mut Line, tools: &[(u32, f64)], said: &str| {
+    let passes = |line: &mut Line, tools: &[(u32, f64)], said: &str| {
         line.finished = None;
         line.ask(block(tools)).expect("it passes");
         let result = line.result();
@@ -135,13 +135,15 @@ fn a_block_by_hand_is_compared_with_the_tool_that_was_changed_to_last() {
     line.ask(Command::ConfirmToolChange { objection: None }).expect("it is in");
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
     passes(&mut line, &tools, "done");
-    // Who begins after a change has put that tool in.
-    let mut twice = path(&[[200.0, 0.0, 5.0], [200.0, 0.0, 6.0], [200.0, 0.0, 5.0]]);
+    // A start after a change asks for that tool.
+    let mut twice = path(&[[200.0, 0.0, 5.0], [200.0, 0.0, 5.0], [201.0, 0.0, 5.0]]);
     let action = Action::ChangeTool { tool: 1 };
     twice.events.push(PathEvent { at_element: 1, action, source: Source::default() });
     line.finished = None;
     line.ask(Command::RunProgram(RunRequest { start_line: 3, ..request(twice) }))
         .expect("it begins");
+    line.until("the tool change", |line| line.mode() == Mode::ToolChange);
+    line.ask(Command::ConfirmToolChange { objection: None }).expect("it is in");
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
     refused(&mut line, &tools, "T1 (radius 3.000 mm) touches the keep-out \"clamp\"");
     changing(&mut line, 2);

@@ -109,7 +109,6 @@ impl ProgramRun {
             return Some(Exit::over(RunVerdict::aborted(error_code::BUSY, text)));
         }
         self.time.set_total(seconds);
-        self.take_tool_of_path(context);
         if !self.job.is_in_tool_change {
             context.machine.program_id.clone_from(&self.job.request.program_id);
             context.machine.line = 0;

@@ -44,18 +44,6 @@ impl ProgramRun {
         if let Stage::ToolChange(change) = &self.stage { Some(change) } else { None }
     }
 
-    /// Who begins in the middle of a path has put in the tool that it has there.
-    pub(super) fn take_tool_of_path(&self, context: &mut Context) {
-        let events = self.job.request.path.events.iter().take(self.encoder.events_begun());
-        let tool = events.rev().find_map(|event| match event.action {
-            Action::ChangeTool { tool } => Some(tool),
-            _ => None,
-        });
-        if tool.is_some() && self.first_element > 0 && !self.job.is_check() {
-            context.machine.spindle_tool = tool;
-        }
-    }
-
     /// A manual operation or a block begins while the tool is changed.
     pub(in crate::driver) fn touch(&mut self) {
         if let Stage::ToolChange(change) = &mut self.stage {
