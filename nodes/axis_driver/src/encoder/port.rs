@@ -68,7 +68,10 @@ impl Encoder {
             return self.encode_port(&word, action, source);
         }
         match self.allowed_overrides.after(action) {
-            Some(allowed) => Ok(self.allow_overrides(allowed?, source)),
+            Some(allowed) => {
+                self.allow_overrides(allowed?, source);
+                Ok(())
+            }
             None => Err(EncodeProblem::Unsupported { word: action.text() }),
         }
     }
