@@ -15,6 +15,7 @@ pub mod cdr;
 pub mod chunk;
 pub mod contour;
 pub mod convert;
+pub mod count;
 pub mod finding;
 pub mod further;
 pub mod geometry;

@@ -35,12 +35,33 @@ pub fn load_tool_table(path: &Path) -> Result<ToolTable, ToolTableFileError> {
 /// # Errors
 /// It is not a tool table, or has an invalid tool.
 pub fn tool_table_from_yaml(text: &str, file: &str) -> Result<ToolTable, ToolTableFileError> {
-    let table: ToolTable = from_yaml_str(text, file)?;
+    let table: ToolTable =
+        from_yaml_str(text, file).map_err(|error: FileError| error.reworded(not_a_tool_table))?;
     table.check().map_err(|error| {
         let line = line_of(text, &place_of(&error));
         ToolTableFileError::Content { file: file.to_owned(), line, error }
     })?;
     Ok(table)
+}
+
+/// What the text lacks to be a tool table, where it is not even in the form of one.
+fn not_a_tool_table(reason: &str) -> Option<String> {
+    const TOOL: &str = "{diameter_mm: 10.0}";
+    const OFFSET: &str = "{radius_mm: 5.0}";
+    let (place, expected) = reason.split_once("invalid type: ")?;
+    let (_, expected) = expected.rsplit_once(", expected ")?;
+    let place = place.trim_end_matches(": ");
+    let row = |name: &str| place.rsplit_once('.').map_or(name, |(_, number)| number).to_owned();
+    match (place, expected) {
+        ("", "struct ToolTable") => {
+            Some("not a tool table; it begins with `tools:` or `offsets:`".to_owned())
+        }
+        ("tools", "a map") => Some(format!("`tools` needs rows such as `1: {TOOL}`")),
+        ("offsets", "a map") => Some(format!("`offsets` needs rows such as `1: {OFFSET}`")),
+        (_, "struct Tool") => Some(format!("write T{} as `{0}: {TOOL}`", row("1"))),
+        (_, "struct Offset") => Some(format!("write D{} as `{0}: {OFFSET}`", row("1"))),
+        _ => None,
+    }
 }
 
 /// The keys that lead to the number that is wrong, the outermost first.
@@ -121,6 +142,30 @@ mod tests {
             std::fs::write(&path, text).expect("written");
             let error = load_tool_table(&path).expect_err(text).to_string();
             assert!(error.contains(place), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_in_the_form_of_a_tool_table_is_reported_with_that_form() {
+        for (text, expected) in [
+            (
+                "G21 G90\nG41 X2 Y0\nM30\n",
+                "t.yaml:1:1: not a tool table; it begins with `tools:` or `offsets:`",
+            ),
+            ("- 1\n", "t.yaml:1:1: not a tool table; it begins with `tools:` or `offsets:`"),
+            (
+                "tools: [10, 12]\n",
+                "t.yaml:1:8: `tools` needs rows such as `1: {diameter_mm: 10.0}`",
+            ),
+            (
+                "offsets:\n  - radius_mm: 5\n",
+                "t.yaml:2:3: `offsets` needs rows such as `1: {radius_mm: 5.0}`",
+            ),
+            ("tools:\n  4: 10\n", "t.yaml:2:6: write T4 as `4: {diameter_mm: 10.0}`"),
+            ("offsets:\n  12: 5\n", "t.yaml:2:7: write D12 as `12: {radius_mm: 5.0}`"),
+        ] {
+            let error = tool_table_from_yaml(text, "t.yaml").expect_err(text).to_string();
+            assert_eq!(error, expected);
         }
     }
 

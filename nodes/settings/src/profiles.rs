@@ -120,7 +120,7 @@ mod tests {
         let text = load_profile("fanuc").expect_err("unknown").to_string();
         assert!(text.contains("\"fanuc\"") && text.contains("rs274"), "{text}");
         let text = load_profile("./fanuc.yaml").expect_err("no file").to_string();
-        assert!(text.starts_with("./fanuc.yaml: No such file"), "{text}");
+        assert!(text.starts_with("cannot read ./fanuc.yaml: No such file"), "{text}");
     }
 
     #[test]

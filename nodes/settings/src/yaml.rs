@@ -9,14 +9,18 @@ use std::path::Path;
 
 /// What is wrong with a file, and where.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{file}{}{}: {reason}", place(*line), place(*column))]
-pub struct FileError {
-    pub file: String,
-    /// 1-based, where known.
-    pub line: Option<usize>,
-    /// 1-based, where known.
-    pub column: Option<usize>,
-    pub reason: String,
+pub enum FileError {
+    #[error("cannot read {file}: {reason}")]
+    Unreadable { file: String, reason: String },
+    #[error("{file}{}{}: {reason}", place(*line), place(*column))]
+    Content {
+        file: String,
+        /// 1-based, where known.
+        line: Option<usize>,
+        /// 1-based, where known.
+        column: Option<usize>,
+        reason: String,
+    },
 }
 
 fn place(number: Option<usize>) -> String {
@@ -24,15 +28,25 @@ fn place(number: Option<usize>) -> String {
 }
 
 impl FileError {
+    /// An error in the content of a file.
     pub fn new(file: &str, line: Option<usize>, reason: impl Into<String>) -> Self {
-        Self { file: file.to_owned(), line, column: None, reason: reason.into() }
+        Self::Content { file: file.to_owned(), line, column: None, reason: reason.into() }
     }
-}
 
-impl FileError {
     fn of(error: YamlError, file: &str) -> Self {
         let YamlError { line, column, reason } = error;
-        Self { file: file.to_owned(), line, column, reason }
+        Self::Content { file: file.to_owned(), line, column, reason }
+    }
+
+    /// The same error, with what the reader of this file would say where it knows better.
+    pub(crate) fn reworded(self, better: impl FnOnce(&str) -> Option<String>) -> Self {
+        match self {
+            Self::Content { file, line, column, reason } => {
+                let reason = better(&reason).unwrap_or(reason);
+                Self::Content { file, line, column, reason }
+            }
+            unreadable => unreadable,
+        }
     }
 }
 
@@ -72,7 +86,7 @@ pub fn from_yaml_file<T: DeserializeOwned>(path: &Path) -> Result<T, FileError> 
 pub fn read_text(path: &Path) -> Result<String, FileError> {
     let name = path.display().to_string();
     let bytes = intake::file::read(path, Limits::FILE.bytes as u64)
-        .map_err(|error| FileError::new(&name, None, error.to_string()))?;
+        .map_err(|error| FileError::Unreadable { file: name.clone(), reason: error.to_string() })?;
     utf8(bytes, &name)
 }
 
@@ -140,11 +154,12 @@ mod tests {
     fn files_that_cannot_be_read_say_why() {
         let folder = tempfile::tempdir().expect("a folder");
         let missing = from_yaml_file::<Tool>(&folder.path().join("none.yaml")).expect_err("none");
+        assert!(missing.to_string().starts_with("cannot read /"), "{missing}");
         assert!(missing.to_string().contains("none.yaml: No such file"), "{missing}");
         let binary = folder.path().join("binary.yaml");
         std::fs::write(&binary, b"diameter_mm: 1\n# \xff\n").expect("written");
         let error = from_yaml_file::<Tool>(&binary).expect_err("not UTF-8");
-        assert_eq!(error.line, Some(2), "{error}");
+        assert!(matches!(error, FileError::Content { line: Some(2), .. }), "{error}");
         assert!(from_yaml_file::<Tool>(folder.path()).is_err());
     }
 }
