@@ -190,6 +190,14 @@ impl Recording {
         Ok(recording)
     }
 
+    /// The earliest stamp of traffic and states, ns since the epoch: on a page and in a report this
+    /// is the time 0.
+    pub fn begin_ns(&self) -> Option<i64> {
+        let traffic = self.traffic.values().map(|(_, entry)| nanoseconds(&entry.stamp));
+        let states = self.states.iter().map(|it| nanoseconds(&it.state.header.stamp));
+        traffic.chain(states).min()
+    }
+
     /// How the run ended for which the bag was recorded.
     pub fn end(&self) -> Option<RunEnd> {
         let goal = self.goal_id.as_deref()?;

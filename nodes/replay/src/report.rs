@@ -5,6 +5,7 @@
 use super::compare::{Comparison, Difference, kind};
 use super::recording::Recording;
 use super::{Level, ReplayResult};
+use cnc_msgs::count::counted;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -119,10 +120,10 @@ impl ReplayResult {
 
 fn counts(comparison: &Comparison) -> String {
     let counts: Vec<String> =
-        comparison.compared.iter().map(|(what, count)| format!("{count} {what}")).collect();
+        comparison.compared.iter().map(|(what, count)| compared(*count, what)).collect();
     format!(
         "{}; compared {}",
-        plural(comparison.differences.len(), "difference"),
+        counted(comparison.differences.len(), "difference"),
         if counts.is_empty() { "nothing".to_owned() } else { counts.join(", ") }
     )
 }
@@ -158,7 +159,33 @@ fn differences(comparison: &Comparison, shown_max: usize) -> String {
     report
 }
 
-/// `1 difference`, `2 differences`.
-fn plural(count: usize, what: &str) -> String {
-    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+/// `2 paths as curves`, `1 path as curve`; the name of a topic stays as it is.
+fn compared(count: usize, what: &str) -> String {
+    if count != 1 || what.contains('_') {
+        return format!("{count} {what}");
+    }
+    let singular = |word: &str| match word {
+        "as" => "as".to_owned(),
+        word => word.strip_suffix('s').unwrap_or(word).to_owned(),
+    };
+    let words: Vec<String> = what.split(' ').map(singular).collect();
+    format!("1 {}", words.join(" "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::compared;
+
+    #[test]
+    fn one_thing_that_was_compared_is_singular_and_a_topic_keeps_its_name() {
+        for (count, what, expected) in [
+            (1, "paths as curves", "1 path as curve"),
+            (2, "paths as curves", "2 paths as curves"),
+            (1, "lines of G-code", "1 line of G-code"),
+            (1, "compensated_path/chunks", "1 compensated_path/chunks"),
+            (0, "states", "0 states"),
+        ] {
+            assert_eq!(compared(count, what), expected);
+        }
+    }
 }

@@ -26,6 +26,8 @@ pub(crate) struct States {
     span: Span,
     /// How many were sent but did not reach the recorder, if it counted them.
     missed: Option<u64>,
+    /// Where the times of the report begin, ns since the epoch.
+    begin_ns: i64,
 }
 
 impl States {
@@ -57,13 +59,15 @@ impl States {
             state: comparable(&recorded.state),
         });
         let (published, made) = (published.collect(), made.collect());
-        Some(Self { published, made, span, missed: recording.missed_states })
+        let begin_ns = recording.begin_ns().unwrap_or(span.begin_ns);
+        Some(Self { published, made, span, missed: recording.missed_states, begin_ns })
     }
 
     /// Checks that the core goes through every published state, and that every state of the core
     /// was published.
     pub(crate) fn compare(&self, comparison: &mut Comparison) {
-        let Self { published, made, span, missed } = self;
+        let Self { published, made, span, missed, begin_ns } = self;
+        let since_begin = |ns: i64| seconds(ns.saturating_sub(*begin_ns));
         let (equal, differences) = order::compare(published, made, *span);
         comparison.count("states", equal + differences.len());
         let (differences, missed) = without_missed(differences, made, *missed);
@@ -75,18 +79,17 @@ impl States {
             let (message, text, state) = match &difference {
                 StateDifference::NotMade(index, Published { report_ns, state, .. }) => {
                     let text = format!(
-                        "{} of the report at {} is not reached in this order",
+                        "{} at {} was recorded here, and does not occur now",
                         named(state),
-                        seconds(*report_ns)
+                        since_begin(*report_ns)
                     );
                     (format!("state {index}"), text, state)
                 }
                 StateDifference::NotPublished(index, Made { at_ns, state, .. }) => {
                     let text = format!(
-                        "the driver goes through {} at {}, and the bag does not have that state in \
-                         this place",
+                        "{} at {} occurs now, and was not recorded here",
                         named(state),
-                        seconds(*at_ns)
+                        since_begin(*at_ns)
                     );
                     (format!("new state {index}"), text, state)
                 }
@@ -271,14 +274,18 @@ fn jump_ns(batches: &[Batch]) -> i64 {
     if delay_ns.unsigned_abs() > JUMP_NS { delay_ns } else { 0 }
 }
 
-/// `HOLD "FEED_HOLD"`.
+/// `HOLD "FEED_HOLD"`, `IDLE`.
 fn named(state: &MachineState) -> String {
-    format!("{} \"{}\"", mode_from_wire(state.state).name(), state.reason)
+    let mode = mode_from_wire(state.state).name();
+    match state.reason.as_str() {
+        "" => mode.to_owned(),
+        reason => format!("{mode} \"{reason}\""),
+    }
 }
 
-/// `123.000000004 s`.
+/// `12.345 s`, as on the page of a run.
 fn seconds(ns: i64) -> String {
-    format!("{}.{:09} s", ns.div_euclid(1_000_000_000), ns.rem_euclid(1_000_000_000))
+    format!("{:.3} s", Duration::from_nanos(ns.unsigned_abs()).as_secs_f64())
 }
 
 /// A state without the fields that depend on its publication time.

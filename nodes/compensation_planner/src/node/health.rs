@@ -1,5 +1,6 @@
 //! The planner's entry in `/diagnostics`.
 
+use cnc_msgs::count::counted;
 use runtime::{Health, HealthLevel};
 
 /// The result of the newest plan.
@@ -24,7 +25,10 @@ pub(super) fn health(summary: Option<&PlanSummary>, tool_table_revision: u64) ->
             if *accepted {
                 (HealthLevel::Ok, format!("{name} is planned"))
             } else {
-                (HealthLevel::Warn, format!("{name} is refused: {error_count} errors"))
+                (HealthLevel::Warn, {
+                    let errors = counted(*error_count as usize, "error");
+                    format!("{name} is refused: {errors}")
+                })
             }
         }
     };

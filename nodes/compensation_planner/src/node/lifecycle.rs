@@ -15,7 +15,8 @@ impl Managed for Planner {
         let (file, tools) = match file.as_str() {
             "" => (None, ToolTable::default()),
             path => {
-                let (file, tools) = ToolFile::open(path.as_ref()).map_err(Trouble::failure)?;
+                let (file, tools) = ToolFile::open(path.as_ref())
+                    .map_err(|error| Trouble::failure(format_args!("tool_table: {error}")))?;
                 (Some(file), tools)
             }
         };

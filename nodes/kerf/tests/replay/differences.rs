@@ -313,7 +313,7 @@ fn no_golden_run_is_reproduced_with_other_states() {
         });
         bag.write(&path, Form::OURS);
         let ran = replay(&path, &["--level", "driver"]).expect(1);
-        ran.says(&["DIFFERENT", "SLEEP", "is not reached in this order"]);
+        ran.says(&["DIFFERENT", "SLEEP", "was recorded here, and does not occur now"]);
 
         // The one before the last that was published alone.
         let mut bag = TestBag::golden(&name);

@@ -313,7 +313,7 @@ fn a_state_that_the_driver_goes_through_is_missed_and_can_be_blessed() {
                 continue;
             }
             let ran = replay(&path, &[]).expect(1);
-            ran.says(&["DIFFERENT", "the driver goes through", "does not have that state"]);
+            ran.says(&["DIFFERENT", "occurs now, and was not recorded here"]);
             if what != "all but one" {
                 replay(&path, &["--update"])
                     .expect(0)

@@ -39,16 +39,16 @@ fn forget_plans(bag: &mut TestBag) {
 
 #[test]
 fn a_run_is_shown_without_its_plan_and_not_called_complete() {
-    assert_eq!(reported(|_| {})["sheets"][0]["verdict"], "complete");
+    assert_eq!(reported(|_| {})["sheets"][0]["verdict"], "recording complete");
     let page = reported(forget_plans);
     let sheets = page["sheets"].as_array().expect("sheets");
     assert_eq!(sheets.len(), 1);
-    assert_eq!(sheets[0]["verdict"], "not complete");
+    assert_eq!(sheets[0]["verdict"], "recording not complete");
     assert_eq!(sheets[0]["summary"], "the bag holds no plan");
     assert!(page["runs"][0]["dialogue"].as_array().is_some_and(|rows| rows.len() > 20));
 
     let page = reported(|bag| bag.silence::<wire::PathChunk>());
-    assert_eq!(page["sheets"][0]["verdict"], "not complete");
+    assert_eq!(page["sheets"][0]["verdict"], "recording not complete");
     let said = page["sheets"][0]["summary"].as_str().expect("a text");
     assert!(said.starts_with("a chunk of the path of revision"), "{said}");
 }

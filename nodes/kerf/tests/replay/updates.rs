@@ -52,7 +52,7 @@ fn what_is_blessed_is_shown_and_reproduced_and_inputs_stay() {
                 true
             });
         }),
-        ("is not reached", "DIFFERENT", |bag| {
+        ("does not occur now", "DIFFERENT", |bag| {
             bag.change(|state: &mut wire::MachineState| {
                 state.pins = "Z".into();
                 true

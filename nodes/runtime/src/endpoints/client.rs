@@ -45,8 +45,8 @@ pub(crate) struct Endpoints {
 pub enum CallError {
     /// There is no server.
     #[error(
-        "no such node answered within {} s: nobody offers {service} \
-         (is the node running, in this ROS_DOMAIN_ID and namespace?)", waited.as_secs_f64()
+        "no answer from {service} within {} s; start its node, or use its ROS_DOMAIN_ID and \
+         namespace", waited.as_secs_f64()
     )]
     NoServer { service: String, waited: Duration },
     /// There is a server, but it did not answer.

@@ -36,7 +36,7 @@ pub enum GoalError {
     #[error("{action} rejected the goal (its log says why)")]
     Rejected { action: String },
     /// The server was restarted, or no longer has the result.
-    #[error("{action} does not know the goal any more: it was restarted meanwhile")]
+    #[error("{action} no longer knows the goal: its node was restarted")]
     Forgotten { action: String },
     #[error(transparent)]
     Call(#[from] CallError),

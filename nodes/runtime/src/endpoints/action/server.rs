@@ -23,6 +23,7 @@ use crate::endpoints::service::{Overload, RequestInfo};
 use crate::process::time::RosTime;
 use crate::samples::qos::Qos;
 use cnc_msgs::cdr;
+use cnc_msgs::count::counted;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::action_msgs::srv::CancelGoal;
@@ -110,10 +111,10 @@ impl Handle {
         self.service::<CancelGoal, _, _>(&names.cancel_goal, move |request, info| {
             let response = state.goals().cancel(&request.goal_info);
             tracing::info!(
-                "{}: {} asks to cancel; {} goals are being canceled (code {})",
+                "{}: {} asks to cancel; canceling {} (code {})",
                 state.name,
                 info.writer,
-                response.goals_canceling.len(),
+                counted(response.goals_canceling.len(), "goal"),
                 response.return_code
             );
             state.changed();
