@@ -61,7 +61,8 @@ def main():
         plan = ['plan', str(demo / 'contour.mpf'), '--control', 'sinumerik_840c', '--quiet',
                 '--html', str(page), '--tools']
         shown = make(0, *plan, str(demo / 'tools.yaml'))
-        expect(shown, 'an accepted plan', 'accepted', 'compensated (19)', 'N40 G1 X95')
+        expect(shown, 'an accepted plan', 'accepted', 'compensated (19)', 'N40 G1 X95',
+               '>fit</button>', '</i>corner</span>', '</i>lead</span>', '</i>rapid</span>')
         thick = pathlib.Path(folder) / 'thick.yaml'
         thick.write_text('tools:\n  1: {diameter_mm: 60.0}\noffsets:\n  1: {radius_mm: 30.0}\n')
         shown = make(1, *plan, str(thick))
@@ -72,7 +73,7 @@ def main():
         expect(shown, 'a replay', 'reproduced', 'compensated now', 'id="tab-dialogue"')
         for bag in bags:
             shown = make(0, 'bag', 'report', bag, str(page))
-            expect(shown, f'the report on {bag}', 'complete</span>', 'id="tab-dialogue"')
+            expect(shown, f'the report on {bag}', 'recording complete</span>', 'id="tab-dialogue"')
             if not all(sheet['program'] and sheet['layers'] for sheet in sheets(page)):
                 sys.exit(f'{bag}: a sheet without program or path')
         print(f'{3 + len(bags)} pages were opened')

@@ -521,6 +521,22 @@ chart.addEventListener("wheel", (event) => {
 }, { passive: false });
 chart.addEventListener("dblclick", () => { span = [0, duration()]; drawChart(); });
 
+// What the strokes of the path mean, where it has them.
+function legend() {
+  if (!sheet.layers.length) return [];
+  const path = sheet.layers.reduce((best, layer) => layer.width > best.width ? layer : best);
+  const looks = [[CORNER, "corner", path.corner, "3px solid"], [LEAD, "lead", path.color, "3px dashed"], [RAPID, "rapid", path.rapid, "1px solid"]];
+  const row = document.createElement("div");
+  for (const [look, name, color, width] of looks) {
+    if (!path.elements.some((e) => e[LOOK] === look)) continue;
+    const entry = document.createElement("span"), line = document.createElement("i");
+    line.style.borderTop = `${width} ${color}`;
+    entry.append(line, name);
+    row.append(entry);
+  }
+  return [row];
+}
+
 // ---- choosing a sheet
 
 function show(number) {
@@ -542,7 +558,7 @@ function show(number) {
     line.style.borderColor = layer.color;
     label.append(box, line, `${layer.name} (${layer.elements.length})`);
     return label;
-  }));
+  }), ...legend());
   by("chart-box").className = run ? "" : "none";
   if (run) { span = [0, duration()]; drawChart(); }
   choose(sheet.differences.length ? "differences" : sheet.pins.length ? "findings" : run && !sheet.program.length ? "dialogue" : "program");
