@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Bags of many machines: kept in a store, replayed by any number of workers, and asked.
+/// Store, replay and query bags of many machines, with any number of workers.
 #[derive(Debug, Parser)]
 #[command(name = "kerf-fleet", bin_name = "kerf fleet", version, max_term_width = 100)]
 struct Cli {
@@ -27,9 +27,9 @@ enum Command {
     Push(PushArgs),
     /// Replay one shard of a store with this build, and write the verdicts
     Replay(ReplayArgs),
-    /// Show what a build makes of the bags, and what it changes against another
+    /// Show the replay results of a build, or compare those of two builds
     Report(ReportArgs),
-    /// Find the commit that first makes something else of a bag than a good commit
+    /// Find the commit that changed the result of a bag
     Bisect(BisectArgs),
 }
 

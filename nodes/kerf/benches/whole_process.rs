@@ -1,5 +1,5 @@
 //! How fast `kerf plan` is as a process, and how much memory it takes: with `--quiet`, and with
-//! each kind of output beside it.
+//! each kind of output next to it.
 //!
 //! ```text
 //! cargo bench -p kerf --bench whole_process                      three programs of 1 M feed blocks

@@ -1,15 +1,15 @@
 //! `kerf check`: compares how each control reads one program. No ROS.
 
 use crate::exit::{CommandResult, Failure, Status};
-use crate::plan::{Planned, plural, position};
+use crate::plan::{Planned, position};
 use crate::{files, json, plan_json};
 use clap::Args;
 use cnc_msgs::calls::chain_after;
+use cnc_msgs::count::counted;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
-use intake::folders::Folders;
 use program_loader::LoadOptions;
 use program_loader::limits::PROGRAM_BYTES_MAX;
 use program_loader::subroutines::with_subroutines;
@@ -31,8 +31,7 @@ pub(crate) struct CheckArgs {
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
-    /// Folder with the files of subroutines that the program calls: o<pocket> call reads pocket.ngc,
-    /// M98 P10 on MASSO 10.nc
+    /// Folder of subroutine files: `o<pocket> call` reads pocket.ngc; `M98 P10` on MASSO reads 10.nc
     #[arg(long, value_name = "DIR")]
     subroutines: Vec<String>,
     /// Position of the tool before the first block, millimetres
@@ -86,7 +85,7 @@ pub(crate) fn run(args: &CheckArgs) -> CommandResult {
         names.extend(settings::Control::ALL.map(|control| control.name().to_owned()));
     }
     names.extend(args.controls.iter().cloned());
-    let folders = Folders::new(args.subroutines.iter().cloned(), "--subroutines");
+    let folders = files::subroutines(&args.subroutines)?;
     let options = LoadOptions { start: args.start, ..LoadOptions::default() };
     let mut results = Vec::new();
     for name in names {
@@ -191,8 +190,8 @@ fn to_text(name: &str, results: &[ControlResult], pairs: &[Pair]) -> String {
             "{:width$}  {:11}  {}, {}\n",
             result.profile.name,
             result.verdict(),
-            plural(errors, "error"),
-            plural(warnings, "warning")
+            counted(errors, "error"),
+            counted(warnings, "warning")
         );
         let findings = &result.planned.findings;
         // For a rejected program only the errors are listed.
@@ -244,10 +243,10 @@ fn pair_text(pair: &Pair) -> String {
         ));
     }
     if functions > 0 {
-        parts.push(plural(functions, "function") + " changed or moved");
+        parts.push(counted(functions, "function") + " changed or moved");
     }
     if feeds > 0 {
-        parts.push(plural(feeds, "block") + " with another feed");
+        parts.push(counted(feeds, "block") + " with another feed");
     }
     if parts.is_empty() {
         parts.push("the same path".into());

@@ -16,8 +16,7 @@ use std::io::{IsTerminal, Write};
 /// Commands for the controller itself.
 #[derive(Debug, Subcommand)]
 pub(crate) enum ControllerCommand {
-    /// Show which setting would let the driver watch the serial line better, and write it after
-    /// confirmation; other settings are not touched
+    /// Show the setting that improves the watch over the serial line, and write it after confirmation
     Configure(ConfigureArgs),
     /// Print settings and stored positions as a file for `kerf plan --machine`
     Dump,

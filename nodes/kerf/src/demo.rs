@@ -7,7 +7,7 @@
 use crate::exit::{CommandResult, Failure, Status};
 use crate::output_file::OutputFile;
 use crate::plan::Planned;
-use crate::stack::{Stack, remove_dead_link, wait_for_file};
+use crate::stack::{Stack, remove_dead_link};
 use crate::up::STOP_ORDER;
 use crate::{files, load, operate};
 use clap::Args;
@@ -115,7 +115,7 @@ async fn job(
             &["--link", &port, "--time-factor", TIME_FACTOR].map(String::from),
         )
         .map_err(Failure::usage)?;
-    wait_for_file(link).await?;
+    controller.wait_for_file(link).await?;
 
     step("starting the nodes");
     let namespace = format!("__ns:=/kerf_demo_{}", std::process::id());

@@ -3,6 +3,7 @@
 use crate::exit::Failure;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
+use intake::folders::Folders;
 use program_loader::limits::PROGRAM_BYTES_MAX;
 use program_loader::parameter_file::{self, PARAMETER_FILE_BYTES_MAX};
 use std::io::{ErrorKind, Write};
@@ -30,6 +31,15 @@ pub(crate) fn with_parameters(
 pub(crate) fn file_name(path: &Path) -> String {
     intake::text::one_line(&path.file_name().unwrap_or(path.as_os_str()).to_string_lossy())
         .into_owned()
+}
+
+/// The folders of subroutine files.
+pub(crate) fn subroutines(folders: &[String]) -> Result<Folders, Failure> {
+    let is_missing = |folder: &&String| !Path::new(folder).is_dir();
+    match folders.iter().find(is_missing) {
+        Some(other) => Err(Failure::usage(format_args!("--subroutines: {other} is not a folder"))),
+        None => Ok(Folders::new(folders.iter().cloned(), "--subroutines")),
+    }
 }
 
 /// A control profile by name, or from a file.

@@ -7,6 +7,7 @@ use crate::files;
 use crate::operate::with_node;
 use crate::terminal::show_findings;
 use clap::Args;
+use cnc_msgs::count::counted;
 use cnc_msgs::finding::Finding;
 use cnc_msgs::wire::cnc_msgs::msg::CompensationReport;
 use cnc_msgs::wire::cnc_msgs::srv::{
@@ -103,7 +104,10 @@ pub(crate) async fn load_file(
     if !report.accepted {
         return Err(Failure::new(
             Status::NodeRefused,
-            format!("{name} is refused by the planner: {} errors", report.error_count),
+            format!(
+                "{name} is refused by the planner: {}",
+                counted(report.error_count as usize, "error")
+            ),
         ));
     }
     println!("{}, and planned", response.message);

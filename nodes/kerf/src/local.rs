@@ -48,8 +48,10 @@ where
                 answer = Some(local);
                 Ok(())
             }
-            Err(Failure { message, .. }) => exchange.await.map_err(|failure| {
-                let message = format!("{}; {message}", failure.message);
+            // A computer on which no driver runs has no socket either.
+            Err(error) if error.is_absent() => exchange.await,
+            Err(error) => exchange.await.map_err(|failure| {
+                let message = format!("{}; {error}", failure.message);
                 Failure::new(failure.status, message)
             }),
         }
@@ -73,20 +75,38 @@ where
 }
 
 /// Asks the driver of this computer that has the names given by the arguments.
-fn ask_locally(ros_args: &[String], wish: Wish) -> Result<Answer, Failure> {
-    let arguments = Arguments::parse(ros_args).map_err(Failure::usage)?;
+fn ask_locally(ros_args: &[String], wish: Wish) -> Result<Answer, LocalError> {
+    let unnamed = |error: &dyn std::fmt::Display| LocalError::Unnamed(error.to_string());
+    let arguments = Arguments::parse(ros_args).map_err(|error| unnamed(&error))?;
     let variables = std::env::vars_os()
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
         .collect();
-    let environment = Environment::read(&variables).map_err(Failure::usage)?;
-    let names = Names::new("axis_driver", &arguments.remaps).map_err(Failure::usage)?;
-    ask_operator(&environment, &names, wish).map_err(|error| {
-        let status = match error {
-            OperatorError::Nobody { .. } | OperatorError::Silent { .. } => Status::NoAnswer,
-            OperatorError::Protocol { .. } => Status::Usage,
-        };
-        Failure::new(status, error.to_string())
-    })
+    let environment = Environment::read(&variables).map_err(|error| unnamed(&error))?;
+    let names = Names::new("axis_driver", &arguments.remaps).map_err(|error| unnamed(&error))?;
+    Ok(ask_operator(&environment, &names, wish)?)
+}
+
+/// Why the local socket does not help.
+#[derive(Debug, thiserror::Error)]
+enum LocalError {
+    #[error(transparent)]
+    Operator(#[from] OperatorError),
+    /// Names and domain cannot be read, which ROS reports too.
+    #[error("{0}")]
+    Unnamed(String),
+}
+
+impl LocalError {
+    /// Whether there is no driver on this computer.
+    fn is_absent(&self) -> bool {
+        use std::io::ErrorKind::{ConnectionRefused, NotFound};
+        match self {
+            Self::Operator(OperatorError::Nobody { problem, .. }) => {
+                [ConnectionRefused, NotFound].contains(&problem.kind())
+            }
+            _ => false,
+        }
+    }
 }
 
 /// Prints the driver's answer; a refusal is a failure.

@@ -36,6 +36,7 @@ mod stack;
 mod stack_replay;
 mod status;
 mod up;
+mod words;
 
 use clap::{Parser, Subcommand};
 use exit::{CommandResult, Failure, conclude};
@@ -44,7 +45,7 @@ use std::process::ExitCode;
 
 /// A ROS 2 CNC machine node stack: part program in, compensated path out, every run on record.
 ///
-/// This is not a safety function: the emergency stop is wired.
+/// This is not a safety function. Wire the emergency stop to the drives; Kerf does not replace it.
 #[derive(Debug, Parser)]
 #[command(name = "kerf", version, max_term_width = 100)]
 struct Cli {
@@ -78,7 +79,7 @@ enum Command {
     Abort,
     /// Confirm that the requested tool is in the spindle, and resume
     Confirm,
-    /// Home the axes; Ctrl-C resets the controller, which accepts nothing else meanwhile
+    /// Home the axes. While homing, only a reset stops them; Ctrl-C sends it
     Home,
     /// Jog the axes: kerf jog X10 Y-2.5 --feed 500; Ctrl-C stops them
     Jog(manual::JogArgs),
@@ -112,7 +113,7 @@ enum Command {
     /// Inspect and repair bags
     #[command(subcommand)]
     Bag(bag::BagCommand),
-    /// Keep, replay and ask the bags of many machines; runs the program `kerf-fleet`
+    /// Store, replay and query bags of many machines; runs the program `kerf-fleet`
     Fleet(fleet::FleetArgs),
 }
 
@@ -122,6 +123,7 @@ fn main() -> ExitCode {
         Err(error) => return conclude(Err(Failure::usage(error))),
     };
     let (args, ros_args) = split_ros_args(words);
+    let args = help_on_help(args);
     if let Some(renamed) = renamed_flag(&args) {
         return conclude(Err(Failure::usage(renamed)));
     }
@@ -146,6 +148,16 @@ fn renamed_flag(args: &[String]) -> Option<String> {
         .filter_map(|name| RENAMED_FLAGS.iter().find(|(before, _)| *before == name))
         .map(|(before, now)| format!("{before} is called {now} now"))
         .next()
+}
+
+/// `kerf help --help` is `kerf --help`: to clap, `--help` would be a subcommand there.
+fn help_on_help(args: Vec<String>) -> Vec<String> {
+    match &args[..] {
+        [help, flag] if help == "help" && ["--help", "-h"].contains(&flag.as_str()) => {
+            vec![flag.clone()]
+        }
+        _ => args,
+    }
 }
 
 fn run(command: Command, ros_args: &[String]) -> CommandResult {

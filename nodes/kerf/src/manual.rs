@@ -2,11 +2,12 @@
 //! Millimetres and percent. The driver decides; this command shows its answer.
 
 use crate::ctrl_c::CtrlC;
-use crate::exit::{CommandResult, Failure, Status};
+use crate::exit::{CommandResult, Failure};
 use crate::operate::{
-    begin, canceled, reconnect, said, unless_dds_fails, with_lasting_node, with_node,
+    begin, canceled, no_result, reconnect, said, unless_dds_fails, with_lasting_node, with_node,
 };
 use crate::status::further_text;
+use crate::words::percent;
 use clap::{Args, ValueEnum};
 use cnc_msgs::contour::work_system;
 use cnc_msgs::convert::further_to_wire;
@@ -33,7 +34,7 @@ pub(crate) struct JogArgs {
     /// Target: X10 Y-2.5 in millimetres, or A90 in degrees
     #[arg(required = true, value_parser = any_word)]
     axes: Vec<Word>,
-    /// Feed along the path, in millimetres per minute; of A, B and C in degrees per minute
+    /// Feed along the path in mm/min; of A, B and C in degrees/min
     #[arg(long, value_name = "FEED", default_value_t = 1_000.0)]
     feed: f64,
     /// What the numbers are relative to
@@ -57,7 +58,7 @@ pub(crate) struct ProbeArgs {
     /// Longest move, in millimetres and degrees from the current position: Z-20, or A90
     #[arg(required = true, value_parser = any_word)]
     axes: Vec<Word>,
-    /// Feed along the path; degrees/min where A, B or C move
+    /// Feed along the path in mm/min; of A, B and C in degrees/min
     #[arg(long, value_name = "FEED", default_value_t = 50.0)]
     feed: f64,
     /// Move until the probe opens, instead of until it touches
@@ -77,7 +78,7 @@ pub(crate) struct ZeroArgs {
     /// G54 to G59.3, or G92 for the shift on top of them
     #[arg(long, value_name = "SYSTEM", default_value = "G54", value_parser = system)]
     system: u8,
-    /// The numbers are the origin in the machine frame instead
+    /// Read the numbers as the origin of the work system in the machine frame
     #[arg(long)]
     origin: bool,
 }
@@ -87,13 +88,13 @@ pub(crate) struct ZeroArgs {
 #[group(required = true, multiple = true)]
 pub(crate) struct OverrideArgs {
     /// Feed, 10 to 200
-    #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u8).range(10..=200))]
+    #[arg(long, value_name = "PERCENT", value_parser = percent::<10, 200>)]
     feed: Option<u8>,
     /// Rapids: 25, 50 or 100
     #[arg(long, value_name = "PERCENT", value_parser = rapid)]
     rapid: Option<u8>,
     /// Spindle speed, 10 to 200
-    #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u8).range(10..=200))]
+    #[arg(long, value_name = "PERCENT", value_parser = percent::<10, 200>)]
     spindle: Option<u8>,
 }
 
@@ -130,7 +131,7 @@ fn system(text: &str) -> Result<u8, String> {
     match (1..=9).find(is_meant) {
         Some(system) => Ok(system),
         None if word.trim_start_matches('G') == "92" => Ok(92),
-        None => Err("G54 to G59.3, or G92".into()),
+        None => Err("write G54 to G59.3, or G92".into()),
     }
 }
 
@@ -192,8 +193,7 @@ async fn follow<A: Action + 'static>(
     let result = loop {
         tokio::select! {
             ended = &mut end => {
-                let ended = ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()));
-                break ended?.1;
+                break ended.map_err(no_result)?.1;
             }
             reason = node.deaf() => {
                 let again = reconnect(&node, &reason)?;

@@ -127,9 +127,15 @@ pub(crate) fn single_block(args: &SingleBlockArgs, ros_args: &[String]) -> Comma
 
 /// `kerf tool`
 pub(crate) fn tool(args: &ToolArgs, ros_args: &[String]) -> CommandResult {
+    let request = request(args);
+    if request.mask == 0 {
+        return Err(Failure::usage(
+            "name what changes: --diameter, --wear, --length, --nose-radius or --tip-direction",
+        ));
+    }
     with_node(ros_args, async |node| {
         let client = node.client::<SetTool>("set_tool")?;
-        let answer = client.call_within(request(args), PLAN_WITHIN).await?;
+        let answer = client.call_within(request, PLAN_WITHIN).await?;
         said(answer.success, answer.message)
     })
 }

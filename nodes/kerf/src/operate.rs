@@ -8,6 +8,7 @@ use crate::exit::{CommandResult, Failure, Status};
 use crate::load::load_file;
 use crate::local;
 use crate::resume;
+use crate::words::from_one;
 use axis_driver::protocol::Wish;
 use clap::{ArgGroup, Args};
 use cnc_msgs::convert::mode_from_wire;
@@ -56,18 +57,18 @@ pub(crate) struct RunArgs {
     #[arg(long)]
     check_only: bool,
     /// Start at this line of the program
-    #[arg(long, value_name = "LINE", default_value_t = 0)]
-    pub(crate) start_line: u32,
-    /// Which time the program runs that line, from 1, where loops and calls run it several times
-    #[arg(long, value_name = "NUMBER", default_value_t = 0, requires = "place")]
-    pub(crate) occurrence: u32,
-    /// Go on after a run that was broken off: show where and how, and begin when that is confirmed
+    #[arg(long, value_name = "LINE", value_parser = from_one)]
+    pub(crate) start_line: Option<u32>,
+    /// If loops or calls run that line several times: the number of the time, from 1
+    #[arg(long, value_name = "NUMBER", value_parser = from_one, requires = "place")]
+    pub(crate) occurrence: Option<u32>,
+    /// Continue a run that ended early: show where and how it would start, then ask
     #[arg(long, conflicts_with = "check_only")]
     resume: bool,
-    /// Begin without asking
+    /// Start without asking
     #[arg(long, requires = "resume")]
     pub(crate) yes: bool,
-    /// Draw where the run begins, on a page for a browser
+    /// Draw where the run would start, on a page for a browser
     #[arg(long, value_name = "FILE", requires = "resume")]
     pub(crate) html: Option<PathBuf>,
 }
@@ -109,8 +110,34 @@ impl Button {
 
 impl From<CallError> for Failure {
     fn from(error: CallError) -> Self {
-        Self::new(Status::NoAnswer, error.to_string())
+        match error {
+            CallError::NoServer { service, waited } => no_answer(&service, waited),
+            error => Self::new(Status::NoAnswer, error.to_string()),
+        }
     }
+}
+
+/// No node answers under this name.
+pub(crate) fn no_answer(name: &str, waited: Duration) -> Failure {
+    let seconds = waited.as_secs_f64();
+    let text = format!(
+        "no answer from {name} within {seconds} s. Start the nodes (`kerf up`), or set \
+         ROS_DOMAIN_ID and namespace as they have"
+    );
+    Failure::new(Status::NoAnswer, text)
+}
+
+/// Why there is no result of a goal.
+pub(crate) fn no_result(error: GoalError) -> Failure {
+    let text = match error {
+        GoalError::Forgotten { .. } => {
+            "the driver was restarted and has lost what it ran; it holds a machine that it finds \
+             moving: look at the machine, then `kerf reset`"
+                .to_owned()
+        }
+        error => error.to_string(),
+    };
+    Failure::new(Status::NodeRefused, text)
 }
 
 impl From<NodeError> for Failure {
@@ -192,9 +219,9 @@ pub(crate) fn run(args: &RunArgs, ros_args: &[String]) -> CommandResult {
             true => unless_dds_fails(node, resume::confirmed(node, args)).await?,
             false => RunProgramGoal {
                 program_id,
-                start_line: args.start_line,
+                start_line: args.start_line.unwrap_or_default(),
                 check_only: args.check_only,
-                occurrence: args.occurrence,
+                occurrence: args.occurrence.unwrap_or_default(),
                 ..RunProgramGoal::default()
             },
         };
@@ -329,7 +356,7 @@ pub(crate) async fn run_goal(
                 end = Box::pin(handle.result(RUN_WITHIN));
             }
             ended = &mut end => {
-                break ended.map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
+                break ended.map_err(no_result)?;
             }
             feedback = handle.feedback() => {
                 let Some(feedback) = feedback else { continue };
@@ -351,9 +378,37 @@ pub(crate) async fn run_goal(
         Ok(result)
     } else {
         bar.abandon();
-        Err(Failure::new(
-            Status::NodeRefused,
-            format!("{} (line {}, error {})", result.message, result.last_line, result.error_code),
-        ))
+        Err(Failure::new(Status::NodeRefused, end_text(&result)))
+    }
+}
+
+/// How a run ended that was not cut to its end: where, and the code of an error.
+fn end_text(result: &RunProgramResult) -> String {
+    let RunProgramResult { outcome, error_code, message, last_line, .. } = result;
+    match (*outcome, last_line) {
+        (RunProgramResult::OUTCOME_CANCELED, 0) => message.clone(),
+        (RunProgramResult::OUTCOME_CANCELED, line) => format!("{message} at line {line}"),
+        (_, 0) => format!("{message} (error {error_code})"),
+        (_, line) => format!("{message} (line {line}, error {error_code})"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cancel_is_no_error_and_an_error_has_its_code() {
+        use RunProgramResult as R;
+        for (outcome, error_code, message, last_line, expected) in [
+            (R::OUTCOME_CANCELED, 313, "canceled", 6, "canceled at line 6"),
+            (R::OUTCOME_CANCELED, 313, "canceled", 0, "canceled"),
+            (R::OUTCOME_ABORTED, 309, "error:20", 6, "error:20 (line 6, error 309)"),
+            (R::OUTCOME_ABORTED, 330, "out of travel", 0, "out of travel (error 330)"),
+        ] {
+            let message = message.to_owned();
+            let result = R { outcome, error_code, message, last_line, ..R::default() };
+            assert_eq!(end_text(&result), expected);
+        }
     }
 }

@@ -7,11 +7,13 @@ use crate::picture::view::View;
 use crate::plan_json::{Elements, PlanReport};
 use crate::plan_machine::{Machine, MachineArgs, OnMachine};
 use crate::terminal::show_findings;
+use crate::words::{from_one, percent};
 use crate::{files, json, picture};
 use axis_driver::envelope::Beginning;
 use clap::Args;
 use cnc_msgs::calls::chain_after;
 use cnc_msgs::contour::CutterSide;
+use cnc_msgs::count::counted;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::{CompensatedPath, PathElement};
@@ -21,7 +23,6 @@ use compensation_planner::node::disagreement;
 use compensation_planner::node::threads::Threads;
 use compensation_planner::verdict::Disagreement;
 use compensation_planner::{Certificate, Planning, Start, UncutRegion, Verdict, judge, start};
-use intake::folders::Folders;
 use path_audit::Audit;
 use program_loader::limits::{COORDINATE_MM_MAX, PROGRAM_BYTES_MAX};
 use program_loader::subroutines::with_subroutines;
@@ -40,29 +41,28 @@ pub(crate) struct PlanArgs {
     /// Tool table, YAML, millimetres
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
-    /// Folder with the files of subroutines that the program calls: o<pocket> call reads pocket.ngc,
-    /// M98 P10 on MASSO 10.nc
+    /// Folder of subroutine files: `o<pocket> call` reads pocket.ngc; `M98 P10` on MASSO reads 10.nc
     #[arg(long, value_name = "DIR")]
     subroutines: Vec<String>,
-    /// Values that numbered parameters begin with, as LinuxCNC writes them: 5221 12.5
+    /// File with start values of numbered parameters (`5221 12.5`, as LinuxCNC writes it)
     #[arg(long, value_name = "FILE")]
     parameters: Option<PathBuf>,
     /// Position of the tool before the first block, millimetres
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = position, allow_hyphen_values = true)]
     start: [f64; 3],
-    /// Plan on where a program computes with the result of a probe, as if each touched at this part of its way
-    #[arg(long, value_name = "PERCENT", value_parser = clap::value_parser!(u8).range(0..=100))]
+    /// Assume that each probe touches after this share of its travel, and plan the whole program
+    #[arg(long, value_name = "PERCENT", value_parser = percent::<0, 100>)]
     probes_touch_at: Option<u8>,
     /// Reaction to a contour that the tool does not fit: alarm, trim or ignore [default: the
     /// profile's]
     #[arg(long, value_name = "REACTION")]
     interference: Option<Reaction>,
     /// Also show how `kerf run --start-line` would start at this line
-    #[arg(long, value_name = "LINE", default_value_t = 0)]
-    start_line: u32,
-    /// Which time the program runs that line, from 1, where loops and calls run it several times
-    #[arg(long, value_name = "NUMBER", default_value_t = 0, requires = "start_line")]
-    occurrence: u32,
+    #[arg(long, value_name = "LINE", value_parser = from_one)]
+    start_line: Option<u32>,
+    /// If loops or calls run that line several times: the number of the time, from 1
+    #[arg(long, value_name = "NUMBER", value_parser = from_one, requires = "start_line")]
+    occurrence: Option<u32>,
     #[command(flatten)]
     machine: MachineArgs,
     /// Print one JSON object
@@ -90,7 +90,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let text = files::read_program(&args.file)?;
     let mut profile = files::profile(&args.control)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
-    let folders = Folders::new(args.subroutines.iter().cloned(), "--subroutines");
+    let folders = files::subroutines(&args.subroutines)?;
     let text =
         with_subroutines(text, &profile, |name| folders.read(name, PROGRAM_BYTES_MAX as u64).ok());
     let text = match &args.parameters {
@@ -107,7 +107,8 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
     let mut planned = Planned::new(&text, &profile, &tools, &options, planning);
     planned.keep_disagreement(&name, &text);
-    let start = planned.start_at((args.start_line, args.occurrence), &profile);
+    let start_line = args.start_line.unwrap_or_default();
+    let start = planned.start_at((start_line, args.occurrence.unwrap_or_default()), &profile);
     if let Some(machine) = &machine {
         planned.put_on(machine, &tools, start.as_ref());
     }
@@ -135,7 +136,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
         if !args.quiet {
             println!("{}", planned.summary(&name, &profile.name));
             if let Some(start) = start {
-                println!("  a run from line {} {start}", args.start_line);
+                println!("  a run from line {start_line} {start}");
             }
         }
     }
@@ -325,17 +326,17 @@ impl Planned {
         let verdict = if self.accepted() { "accepted" } else { "refused" };
         let mut summary = format!(
             "{name}: {verdict} by {control}, {}, {}",
-            plural(errors, "error"),
-            plural(warnings, "warning")
+            counted(errors, "error"),
+            counted(warnings, "warning")
         );
         if self.accepted() {
             let path = self.path();
             let rapids = path.elements.iter().filter(|e| e.feed_mm_per_min.is_none()).count();
             summary += &format!(
                 "\n  {} ({} rapid), {}",
-                plural(path.elements.len(), "element"),
+                counted(path.elements.len(), "element"),
                 rapids,
-                plural(path.events.len(), "event")
+                counted(path.events.len(), "event")
             );
         }
         // The program is accepted, but some areas are trimmed or gouges ignored.
@@ -361,17 +362,17 @@ impl Planned {
     }
 }
 
-/// `audited 19 elements in 1 span and 4 events: nothing found`
+/// `the audit confirms the path (19 elements, 1 span, 4 events)`
 fn audit_text(audit: &Audit) -> String {
-    let found = match audit.findings.len() {
-        0 => "nothing found".into(),
-        count => plural(count, "finding"),
+    let result = match audit.findings.len() {
+        0 => "confirms the path".to_owned(),
+        count => format!("has {} about the path", counted(count, "finding")),
     };
     format!(
-        "audited {} in {} and {}: {found}",
-        plural(audit.elements, "element"),
-        plural(audit.spans, "span"),
-        plural(audit.events, "event")
+        "the audit {result} ({}, {}, {})",
+        counted(audit.elements, "element"),
+        counted(audit.spans, "span"),
+        counted(audit.events, "event")
     )
 }
 
@@ -444,7 +445,7 @@ fn uncut_text(uncut: &[UncutRegion]) -> String {
     let mut largest: Vec<&UncutRegion> = uncut.iter().collect();
     largest.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2));
     let total: f64 = largest.iter().map(|region| region.area_mm2).sum();
-    let mut text = format!("\n  {total:.3} mm2 stay uncut in {}", plural(uncut.len(), "place"));
+    let mut text = format!("\n  {total:.3} mm2 stay uncut in {}", counted(uncut.len(), "place"));
     for region in largest.iter().take(SHOWN) {
         let lines = lines(region.first.line, region.last.line);
         let calls = chain_after(&region.calls);
@@ -456,11 +457,6 @@ fn uncut_text(uncut: &[UncutRegion]) -> String {
 /// `line 3`, `lines 3 to 12`.
 fn lines(first: u32, last: u32) -> String {
     if first == last { format!("line {first}") } else { format!("lines {first} to {last}") }
-}
-
-/// `1 error`, `2 errors`.
-pub(crate) fn plural(count: usize, what: &str) -> String {
-    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
 #[cfg(test)]

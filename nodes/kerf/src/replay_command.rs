@@ -42,8 +42,7 @@ pub(crate) struct ReplayArgs {
     /// Print one JSON object with every difference instead of the report
     #[arg(long, conflicts_with = "all")]
     json: bool,
-    /// Show the differences, then write what the cores make now into the bag; its inputs do not
-    /// change
+    /// Show the differences, then replace the outputs in the bag; its inputs stay
     #[arg(long, conflicts_with_all = ["level", "json"])]
     update: bool,
     /// Print which fields count as the same within which tolerance, and why
@@ -200,7 +199,8 @@ pub(crate) fn report_page(path: &Path) -> Result<Page<'static>, ReplayError> {
     let mut page = Page::default();
     of_recording(&mut page, &path.display().to_string(), &recording, &[], |sheet| {
         sheet.good = problems.is_empty();
-        sheet.verdict = if sheet.good { "complete".into() } else { "not complete".into() };
+        let word = if sheet.good { "recording complete" } else { "recording not complete" };
+        sheet.verdict = word.into();
         sheet.summary = problems.join("\n");
     })?;
     if page.sheets.iter().all(|sheet| sheet.layers.is_empty() && sheet.run.is_none()) {

@@ -5,7 +5,7 @@
 
 use crate::exit::{Failure, Status};
 use crate::latched::{LATCHED_WITHIN, newest, newest_there};
-use crate::operate::{RunArgs, begin};
+use crate::operate::{RunArgs, begin, no_answer, no_result};
 use crate::output_file::OutputFile;
 use crate::page::StartInTheMiddle;
 use axis_driver::codes::error_code::USER_FUNCTION;
@@ -122,11 +122,8 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
         newest(&mut programs, |it| (it.stamp.sec, it.stamp.nanosec)),
         newest(&mut reports, |it| it.revision),
     );
-    let state = state.ok_or_else(|| {
-        let seconds = LATCHED_WITHIN.as_secs();
-        Failure::new(Status::NoAnswer, format!("no driver answered within {seconds} s"))
-    })?;
-    let asked = (args.start_line, args.occurrence);
+    let state = state.ok_or_else(|| no_answer(states.topic(), LATCHED_WITHIN))?;
+    let asked = (args.start_line.unwrap_or_default(), args.occurrence.unwrap_or_default());
     let start = start_of(last.as_ref(), loaded.as_ref(), asked).map_err(refused)?;
     let program = loaded.unwrap_or_default();
     let Program { program_id, name, .. } = program.clone();
@@ -208,10 +205,7 @@ async fn planned_start(
 async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Failure> {
     let goal = RunProgramGoal { check_only: true, ..goal };
     let handle = begin::<RunProgram>(node, "run_program", goal).await?;
-    let (_, result) = handle
-        .result(CHECKED_WITHIN)
-        .await
-        .map_err(|error| Failure::new(Status::NodeRefused, error.to_string()))?;
+    let (_, result) = handle.result(CHECKED_WITHIN).await.map_err(no_result)?;
     let message = one_line(&result.message).into_owned();
     if result.outcome == RunProgramResult::OUTCOME_SUCCEEDED {
         return Ok(message);

@@ -6,13 +6,14 @@
 //! exit by themselves when this process dies: their standard input is a pipe that only this process
 //! holds.
 
+use crate::exit::Failure;
 use runtime::supervision::{Change, Limits, Watched, wake_with_parent};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
@@ -96,6 +97,23 @@ impl Stack {
         })
     }
 
+    /// Waits until a child has made a file.
+    ///
+    /// # Errors
+    /// A child has ended before; or there is no such file after 5 s.
+    pub(crate) async fn wait_for_file(&mut self, path: &Path) -> Result<(), Failure> {
+        for _ in 0..100 {
+            if path.exists() {
+                return Ok(());
+            }
+            if let Some((name, status)) = self.ended() {
+                return Err(Failure::usage(format_args!("{name} ended with {status} (see above)")));
+            }
+            sleep(LOOK_EVERY).await;
+        }
+        Err(Failure::usage(format_args!("{} did not appear within 5 s", path.display())))
+    }
+
     /// Restarts children that end or stop responding.
     ///
     /// Returns the reason when a child rejects its own arguments before it ever served: a restart
@@ -174,17 +192,6 @@ fn limits(name: &str) -> Limits {
         }
         _ => Limits::default(),
     }
-}
-
-/// Waits until a child has made a file.
-pub(crate) async fn wait_for_file(path: &std::path::Path) -> Result<(), crate::exit::Failure> {
-    for _ in 0..100 {
-        if path.exists() {
-            return Ok(());
-        }
-        sleep(Duration::from_millis(50)).await;
-    }
-    Err(crate::exit::Failure::usage(format_args!("{} did not appear within 5 s", path.display())))
 }
 
 /// Removes the link of a controller that was killed before it could.

@@ -1,8 +1,9 @@
 //! `kerf status`: the state of the machine, as the driver reports it.
 
-use crate::exit::{CommandResult, Failure, Status};
+use crate::exit::CommandResult;
 use crate::latched::{LATCHED_WITHIN, newest, newest_there};
 use crate::local::over_ros_or_locally;
+use crate::operate::no_answer;
 use crate::plan_machine::duration;
 use axis_driver::protocol::Wish;
 use cnc_msgs::convert::{
@@ -12,7 +13,7 @@ use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::machine::{LinkWatch, Mode};
 use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point, rpm_from_rad_per_s};
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramFeedback};
-use cnc_msgs::wire::cnc_msgs::msg::{MachineState, RunResult};
+use cnc_msgs::wire::cnc_msgs::msg::{MachineState, Program, RunResult};
 use cnc_msgs::wire::std_msgs::msg::Header;
 use replay::run_result;
 use runtime::{Handle, Qos, Subscription};
@@ -31,18 +32,12 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
         // Whose keys do not let it read this sees the state all the same.
         let mut feedback = node.action_feedback::<RunProgram>("run_program").ok();
         let stamp = |state: &MachineState| (state.header.stamp.sec, state.header.stamp.nanosec);
-        let state = newest(&mut states, stamp).await.ok_or_else(|| {
-            Failure::new(
-                Status::NoAnswer,
-                format!(
-                    "no such node answered within {} s: no node publishes {} (is the driver \
-                     running, in this ROS_DOMAIN_ID and namespace?)",
-                    LATCHED_WITHIN.as_secs(),
-                    states.topic()
-                ),
-            )
-        })?;
-        print!("{}", describe(&state));
+        let mut programs: Subscription<Program> = node.subscription("program", Qos::LATCHED)?;
+        let state = newest(&mut states, stamp)
+            .await
+            .ok_or_else(|| no_answer(states.topic(), LATCHED_WITHIN))?;
+        let program = newest_there(&mut programs, |it| (it.stamp.sec, it.stamp.nanosec)).await;
+        print!("{}", describe(&state, program.as_ref()));
         // The newest of those that came meanwhile.
         let mut progress = None;
         let is_running = !matches!(mode_from_wire(state.state), Mode::Idle | Mode::Disconnected);
@@ -67,7 +62,7 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
         Ok(())
     };
     over_ros_or_locally(ros_args, Wish::State, over_ros, |answer| {
-        print!("{}", describe(&machine_state_to_wire(Header::default(), &answer.state)));
+        print!("{}", describe(&machine_state_to_wire(Header::default(), &answer.state), None));
         Ok(())
     })
 }
@@ -89,8 +84,19 @@ pub(crate) fn further_text(named: u8, values: &[f64]) -> String {
     words.collect()
 }
 
+/// `part.ngc, line 7`; the id of a program where the loader has another one.
+fn program_and_line(state: &MachineState, loaded: Option<&Program>) -> String {
+    let name = loaded.filter(|loaded| loaded.program_id == state.program_id);
+    let name = name.map_or(&state.program_id, |loaded| &loaded.name);
+    let place = match state.line {
+        0 => "before its first line".to_owned(),
+        line => format!("line {line}"),
+    };
+    format!("{}, {place}", intake::text::one_line(name))
+}
+
 /// The state for people: millimetres, without unknown values.
-fn describe(state: &MachineState) -> String {
+fn describe(state: &MachineState, loaded: Option<&Program>) -> String {
     let mode = mode_from_wire(state.state).name();
     let reason = intake::text::one_line(&state.reason);
     let mut text = match reason.as_ref() {
@@ -150,7 +156,7 @@ fn describe(state: &MachineState) -> String {
             (_, true) => ", cutter right of the contour",
             _ => "",
         };
-        text += &format!("  program {} line {}{side}\n", state.program_id, state.line);
+        text += &format!("  program {}{side}\n", program_and_line(state, loaded));
     }
     let report = match state.link_age {
         age if age.is_finite() => format!("last report {age:.1} s ago"),
@@ -161,4 +167,28 @@ fn describe(state: &MachineState) -> String {
         watch => format!("  link: {}\n", watch.describe()),
     };
     text + &watch + &format!("  {}, {report}\n", if state.is_homed { "homed" } else { "not homed" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_is_shown_by_its_name_where_the_loader_has_it() {
+        let program = |program_id: &str| Program {
+            program_id: program_id.into(),
+            name: "part.ngc".into(),
+            ..Program::default()
+        };
+        for (loaded, line, expected) in [
+            (Some(program("01aca5")), 0, "part.ngc, before its first line"),
+            (Some(program("01aca5")), 7, "part.ngc, line 7"),
+            (Some(program("ffffff")), 7, "01aca5, line 7"),
+            (None, 0, "01aca5, before its first line"),
+        ] {
+            let state =
+                MachineState { program_id: "01aca5".into(), line, ..MachineState::default() };
+            assert_eq!(program_and_line(&state, loaded.as_ref()), expected);
+        }
+    }
 }

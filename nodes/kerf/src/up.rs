@@ -2,13 +2,15 @@
 
 use crate::exit::{CommandResult, Failure, Status};
 use crate::node::parameters_of;
-use crate::stack::{Stack, remove_dead_link, wait_for_file};
+use crate::stack::{Stack, remove_dead_link};
 use clap::Args;
 use runtime::arguments::Arguments;
+use runtime::lifecycle::AUTOSTART;
+use runtime::parameters::ParameterValue;
 use runtime::stack_parameters::StackParameters;
 use std::path::PathBuf;
 use tokio::signal::unix::{SignalKind, signal};
-use virtual_controller::Listen;
+use virtual_controller::{AxisLetters, Firmware, Listen, read_scenario};
 
 /// The order in which the nodes are stopped: the machine first, its recorder last.
 pub(crate) const STOP_ORDER: [&str; 4] =
@@ -28,10 +30,10 @@ pub(crate) struct UpArgs {
     time_factor: Option<f64>,
     /// Firmware of the virtual controller: grbl, grblhal or fluidnc
     #[arg(long, value_name = "NAME", requires = "virtual_controller")]
-    firmware: Option<String>,
-    /// Axes of the virtual controller: XYZA, and up to XYZABC
+    firmware: Option<Firmware>,
+    /// Axes of the virtual controller: XYZ and up to three of A, B, C, U, V and W
     #[arg(long, value_name = "LETTERS", requires = "virtual_controller")]
-    axes: Option<String>,
+    axes: Option<AxisLetters>,
     /// Scenario of the virtual controller: its build, settings and faults
     #[arg(long, value_name = "FILE", requires = "virtual_controller")]
     scenario: Option<PathBuf>,
@@ -76,6 +78,20 @@ fn listen(text: &str) -> Result<Listen, String> {
     match listen.address.port() {
         0 => Err(format!("{text:?} names no port: choose a number from 1 to 65535, such as 7023")),
         _ => Ok(listen),
+    }
+}
+
+/// Reads the tool table once before the planner does, which would be started again and again
+/// without it. A planner that others configure later may get its table later, too.
+fn check_tool_table(read: &StackParameters) -> CommandResult {
+    let of_planner = |name: &str| read.nodes["compensation_planner"].get(name).cloned();
+    let is_read_now = of_planner(AUTOSTART) == Some(ParameterValue::Bool(true));
+    match of_planner("tool_table") {
+        Some(ParameterValue::String(path)) if is_read_now && !path.is_empty() => {
+            let read = settings::load_tool_table(path.as_ref());
+            read.map(|_| ()).map_err(|error| Failure::usage(format_args!("tool_table: {error}")))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -124,6 +140,9 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
         })?;
         drop(free);
     }
+    if let Some(scenario) = &args.scenario {
+        read_scenario(scenario).map_err(|why| Failure::usage(format_args!("--scenario: {why}")))?;
+    }
     if args.virtual_controller {
         let (flag, port) = match args.listen {
             Some(listen) => ("--listen", listen.to_string()),
@@ -132,8 +151,8 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
         let mut controller_args = vec![flag.to_owned(), port.clone()];
         for (flag, value) in [
             ("--time-factor", args.time_factor.map(|factor| factor.to_string())),
-            ("--firmware", args.firmware.clone()),
-            ("--axes", args.axes.clone()),
+            ("--firmware", args.firmware.map(|firmware| firmware.to_string())),
+            ("--axes", args.axes.map(|axes| axes.all().iter().collect())),
             ("--scenario", args.scenario.as_ref().map(|file| file.display().to_string())),
         ] {
             controller_args.extend(value.into_iter().flat_map(|value| [flag.to_owned(), value]));
@@ -141,7 +160,7 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
         controller.start("virtual_controller", &controller_args).map_err(Failure::usage)?;
         if args.listen.is_none() {
             // The driver connects again and again to a network port.
-            wait_for_file(&link).await?;
+            controller.wait_for_file(&link).await?;
         }
         let mut words =
             vec!["--ros-args".to_owned(), "-p".into(), format!("axis_driver:port:={port}")];
@@ -157,6 +176,7 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
     for warning in &read.warnings {
         eprintln!("kerf: {warning}");
     }
+    check_tool_table(&read)?;
     node_args.extend(folders(&read));
     let enclave = Arguments::parse(ros_args).map_err(Failure::usage)?.enclave;
     for name in STOP_ORDER {

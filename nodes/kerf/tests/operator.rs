@@ -57,7 +57,7 @@ fn a_program_for_which_the_planner_has_too_little_memory_is_refused_with_numbers
         "error[limit]: planning 150",
         "takes 88 MB of memory or more; the planner may take 64 MB",
         "split the program into several, or start the planner with a larger memory_mb_max",
-        "long.ngc is refused by the planner: 1 errors",
+        "long.ngc is refused by the planner: 1 error",
     ]);
     // This is short enough to be tried, and compensation takes more.
     let zigzag = (0..70_000).map(|line| format!("X{} Y{}\n", line + 1, line % 2));
@@ -107,9 +107,13 @@ fn jogs_zeros_overrides_and_probes_are_typed() {
     machine.kerf(&["jog", "X1", "X2"]).expect(2).says(&["X occurs twice"]);
     machine.kerf(&["jog", "A1"]).expect(4).says(&["no axis A: it has X Y Z"]);
     machine.kerf(&["jog", "Q1"]).expect(2).says(&["an axis and a number"]);
-    machine.kerf(&["zero", "X0", "--system", "G60"]).expect(2).says(&["G54 to G59.3, or G92"]);
+    machine
+        .kerf(&["zero", "X0", "--system", "G60"])
+        .expect(2)
+        .says(&["write G54 to G59.3, or G92"]);
     machine.kerf(&["override", "--feed", "80", "--rapid", "25"]).expect(0);
     machine.kerf(&["override", "--rapid", "70"]).expect(2).says(&["25, 50 or 100"]);
+    machine.kerf(&["override", "--feed", "500"]).expect(2).says(&["a percentage from 10 to 200"]);
     let status = machine::until("the overrides", || {
         let status = machine.kerf(&["status"]).expect(0).out;
         status.contains("overrides: feed 80, rapid 25, spindle 100 %").then_some(status)
@@ -235,7 +239,7 @@ fn a_run_that_was_broken_off_goes_on_where_that_is_confirmed() {
 
     let page = machine.folder.path().join("start.html");
     resume(&["--html", "start.html"]).expect(4).says(&[
-        "part.ngc: the last run: canceled (313)",
+        "part.ngc: the last run: canceled at line 7",
         "the run begins with line 7 at X8.000 Y20.000 Z-1.000, cutter left of the contour, F200, S900 M3 M8",
         "nothing was sent",
         "the tool has to stand there",

@@ -19,7 +19,7 @@ pub enum BagError {
     Metadata { directory: String, why: String },
     #[error("{file} is empty (0 bytes); the recorder died before it wrote anything")]
     ZeroLength { file: String },
-    #[error("{file} is not an MCAP file: it does not begin with the eight magic bytes")]
+    #[error("{file} is not a bag (MCAP file)")]
     NotABag { file: String },
     #[error("{file} ends at byte {length}, before its header; nothing in it can be read")]
     NoHeader { file: String, length: u64 },

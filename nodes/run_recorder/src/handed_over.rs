@@ -1,4 +1,4 @@
-//! Which bags of a folder a store of many bags has been given: a file in a folder beside the bags.
+//! Which bags of a folder were already pushed to the store: a file in a folder next to the bags.
 //!
 //! A bag that the store was not given is due, however long the store is away: so nothing is copied, and nothing
 //! is lost when the recorder ends. The folder of a bag itself stays as the recorder closed it.

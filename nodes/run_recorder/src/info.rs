@@ -44,6 +44,14 @@ pub struct RunEnd {
 
 impl fmt::Display for RunEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.outcome == "canceled" && self.message.starts_with("canceled") {
+            // A cancel is no error, and its message repeats the outcome.
+            f.write_str(&one_line(&self.message))?;
+            return match self.last_line {
+                0 => Ok(()),
+                line => write!(f, " at line {line}"),
+            };
+        }
         f.write_str(&self.outcome)?;
         if self.error_code > 0 {
             write!(f, " ({})", self.error_code)?;

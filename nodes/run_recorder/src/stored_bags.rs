@@ -110,13 +110,12 @@ pub fn unmark(bag: &Path) -> io::Result<bool> {
 }
 
 fn must_be_bag(bag: &Path) -> io::Result<()> {
-    let no_bag =
-        || io::Error::new(io::ErrorKind::InvalidInput, "it is not a folder with an .mcap file");
-    if !bag.is_dir() {
-        return Err(no_bag());
+    if !bag.exists() {
+        return Err(io::Error::new(io::ErrorKind::NotFound, "it does not exist"));
     }
-    let files = mcap_files(bag).map_err(io::Error::other)?;
-    if files.is_empty() { Err(no_bag()) } else { Ok(()) }
+    let is_bag = bag.is_dir() && !mcap_files(bag).map_err(io::Error::other)?.is_empty();
+    let text = "it is not a bag directory, which holds .mcap files";
+    if is_bag { Ok(()) } else { Err(io::Error::new(io::ErrorKind::InvalidInput, text)) }
 }
 
 /// Why a bag is marked, if it is.

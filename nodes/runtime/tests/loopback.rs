@@ -137,7 +137,7 @@ async fn a_call_to_nobody_says_that_no_such_node_answered() {
     let error = client.call(Terms { a: 1, b: 2 }).await.expect_err("nobody is there");
     assert!(matches!(error, CallError::NoServer { .. }));
     let text = error.to_string();
-    assert!(text.contains("no such node answered within 5 s"), "{text}");
+    assert!(text.contains("within 5 s; start its node"), "{text}");
     assert!(text.contains("/nobody/add"), "{text}");
     drop(client);
     asker.stop().await;

@@ -40,8 +40,8 @@ pub use fault::{ByteFault, Direction, Fault, FaultAction, FaultError, FaultInjec
 pub use firmware::{Firmware, UnknownFirmware};
 #[cfg(feature = "node")]
 pub use node::{
-    Listen, Protocol, ServeError, ServeOptions, Stop, StopHandle, cli, serve, serve_device,
-    serve_device_on, stop_pair,
+    Listen, Protocol, ServeError, ServeOptions, Stop, StopHandle, cli, read_scenario, serve,
+    serve_device, serve_device_on, stop_pair,
 };
 pub use paced::{Device, LineEvents, LineTiming, PacedLine};
 pub use receive::TRANSMIT_BUFFER_BYTES;

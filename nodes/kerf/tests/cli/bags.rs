@@ -80,13 +80,13 @@ fn a_file_that_is_not_an_mcap_bag_ends_with_2_and_its_name() {
     let listed = "rosbag2_bagfile_information:\n  relative_file_paths: [\"../../etc/passwd\"]\n";
     fs::create_dir(folder.path().join("astray")).expect("a folder");
     fs::write(folder.path().join("astray/metadata.yaml"), listed).expect("a file");
-    let no_mcap = "is not an MCAP file";
+    let no_mcap = "is not a bag (MCAP file)";
     for (path, says) in [
-        ("photo.jpg", "photo.jpg is not an MCAP file"),
+        ("photo.jpg", "photo.jpg is not a bag (MCAP file)"),
         ("photo.mcap", no_mcap),
         ("old.bag", no_mcap),
         ("bag.db3", no_mcap),
-        ("pictures", "pictures/photo.mcap is not an MCAP file"),
+        ("pictures", "pictures/photo.mcap is not a bag (MCAP file)"),
         ("no_bag", "no_bag holds no .mcap file"),
         ("astray", "astray/metadata.yaml names passwd, which does not exist"),
     ] {
@@ -116,8 +116,12 @@ fn a_bag_is_marked_and_info_says_so() {
     said(&folder, &["bag", "mark", "run", "--unmark"]).expect(0).says(&["no longer marked"]);
     assert!(!info().contains("kept:"));
     said(&folder, &["bag", "mark", "run", "--unmark"]).expect(0).says(&["was not marked"]);
-    for none in ["gone", "run/run_0.mcap", "."] {
-        said(&folder, &["bag", "mark", none]).expect(2).says(&["not a folder with an .mcap file"]);
+    for (none, says) in [
+        ("gone", "gone: it does not exist"),
+        ("run/run_0.mcap", "it is not a bag directory, which holds .mcap files"),
+        (".", "it is not a bag directory"),
+    ] {
+        said(&folder, &["bag", "mark", none]).expect(2).says(&[says]);
     }
     said(&folder, &["bag", "mark", "run", "--unmark", "--because", "x"]).expect(2);
 }

@@ -19,10 +19,11 @@ fn fleet_runs_the_program_beside_it_or_says_how_to_make_it() {
         command.arg("fleet").args(words).env("PATH", path);
         run(&mut command)
     };
-    fleet("", &["push", "--store", "x"]).expect(2).says(&[
-        "kerf-fleet is neither beside kerf nor on PATH",
-        "cargo install --path nodes/fleet --locked",
-    ]);
+    let missing = "kerf-fleet is not installed: run `cargo install --path nodes/fleet --locked`";
+    fleet("", &["push", "--store", "x"]).expect(2).says(&[missing]);
+    for help in ["--help", "-h", "help"] {
+        fleet("", &[help]).expect(0).says(&["push|replay|report|bisect", missing]);
+    }
     let script = |file: &std::path::Path, word: &str| {
         fs::write(file, format!("#!/bin/sh\necho {word} \"$@\"\nexit 7\n")).expect("written");
         fs::set_permissions(file, fs::Permissions::from_mode(0o755)).expect("a program");

@@ -158,10 +158,7 @@ fn stop_on_signals(handle: &StopHandle) -> io::Result<()> {
 fn options(arguments: Arguments) -> Result<ServeOptions, String> {
     let mut scenario = match &arguments.scenario {
         None => Scenario::default(),
-        Some(path) => {
-            let text = read(path)?;
-            Scenario::from_yaml(&text).map_err(|error| format!("{}:{error}", path.display()))?
-        }
+        Some(path) => read_scenario(path)?,
     };
     override_with(&mut scenario, &arguments);
     let mut settings = scenario.settings().map_err(|error| error.to_string())?;
@@ -185,6 +182,15 @@ fn options(arguments: Arguments) -> Result<ServeOptions, String> {
         keeps_session: arguments.keep_session.unwrap_or_default(),
         ..ServeOptions::new(build)
     })
+}
+
+/// Reads a scenario from a file.
+///
+/// # Errors
+/// The file cannot be read, or is not a scenario. The message names the file and the line.
+pub fn read_scenario(path: &Path) -> Result<Scenario, String> {
+    let text = read(path)?;
+    Scenario::from_yaml(&text).map_err(|error| format!("{}:{error}", path.display()))
 }
 
 fn read(path: &Path) -> Result<String, String> {

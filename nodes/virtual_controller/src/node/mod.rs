@@ -16,7 +16,7 @@ mod report;
 mod serve;
 mod stop;
 
-pub use cli::cli;
+pub use cli::{cli, read_scenario};
 pub use device::{serve_device, serve_device_on};
 pub use listen::{Listen, Protocol};
 pub use serve::{ServeError, ServeOptions, serve};
