@@ -127,7 +127,7 @@ pub enum CutterSide {
     Right,
 }
 
-/// How a start or an end behind the contour is reached.
+/// How a start or an end beyond the contour is reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Approach {

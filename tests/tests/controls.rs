@@ -114,7 +114,7 @@ fn the_page_is_up_to_date() -> Result<(), Failed> {
          each are in `tests/controls/`; this page is made from there: change a row, then run\n\
          `UPDATE_EXPECT=1 cargo test -p kerf_tests --test controls page`.\n\n\
          A *switch* is the key of the profile that changes the rule; where the manual's figure\n\
-         is lost, the reading is told. Each row has a case of its own. The suite changes the\n\
+         is lost, the page gives our reading. Each row has a case of its own. The suite changes the\n\
          radius, the side and the coordinates of every case; `tests/controls/unnoticed.txt`\n\
          lists what a case without a path does not notice.\n",
     );

@@ -21,7 +21,7 @@ impl RunOfLine {
         }
     }
 
-    /// The row of the table of calls that tells it from the other times; 0 in the main program.
+    /// The row of the table of calls that distinguishes it from the other times; 0 in the main program.
     pub fn row(&self) -> u32 {
         self.row
     }

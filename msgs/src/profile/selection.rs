@@ -15,7 +15,7 @@ pub struct SelectRules {
     /// What each G word of the control selects: `G455: corner`.
     #[serde(default, deserialize_with = "crate::unique::map")]
     pub words: BTreeMap<String, Approach>,
-    /// Start behind the contour without such a word.
+    /// A start beyond the contour without such a word.
     pub default: Approach,
     /// Which move is the lead-on (A15, A16).
     #[serde(default)]
@@ -69,7 +69,7 @@ pub enum LeadLength {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CancelRules {
-    /// End behind the contour without a word that says so.
+    /// An end beyond the contour without a word that says so.
     pub default: Approach,
     /// Which move is the lead-off (A20, A21).
     #[serde(default)]

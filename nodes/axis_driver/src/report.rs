@@ -74,7 +74,7 @@ pub fn parse(line: &[u8], units: ReportUnits) -> Report {
     match line {
         [] => Report::Empty,
         b"ok" => Report::Ok,
-        // Messages may hold any text, but no answer beside it.
+        // A message may hold any text, but no answer next to it.
         [b'[', inside @ .., b']'] if !damage::holds_a_line_border(inside) => {
             Report::Message(Message::read(&text[1..text.len() - 1], units))
         }

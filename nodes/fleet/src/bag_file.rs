@@ -25,7 +25,7 @@ pub struct BagFile {
 ///
 /// A split bag makes the same bytes each time that this build joins it, whatever its folder is called.
 pub fn read(path: &Path) -> Result<BagFile, String> {
-    // The mark is beside the file, whichever of file and folder is given.
+    // The mark is next to the file, whichever of file and folder is given.
     let mark = |folder: &Path| {
         fs::read_to_string(folder.join(MARK_FILE)).ok().map(|it| it.trim().to_owned())
     };

@@ -100,7 +100,7 @@ pub fn run(order: &Order, say: &dyn Fn(&str)) -> Result<Found, FleetError> {
             Some(made) if made == wanted => Outcome::Same,
             Some(_) => Outcome::Different,
         };
-        bisection.tell(next, outcome);
+        bisection.record(next, outcome);
     }
     let (found, suspects) = bisection.first_different();
     let commit = commits[found].clone();

@@ -1,4 +1,4 @@
-//! What a worker has done since its last part: a file beside it, a line for each step.
+//! What a worker has done since its last part: a file next to it, a line for each step.
 //!
 //! An object of a store cannot grow, and a part for each verdict would make as many files as bags. So
 //! verdicts are written in parts now and then, and a worker that is killed in between has them here. The

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Draws the pages of a report into a folder beside its own page, and notes them in it. `say` gets a sentence
+/// Draws the pages of a report into a folder next to its own page, and notes them in it. `say` gets a sentence
 /// for each bag that cannot be drawn.
 ///
 /// # Errors
@@ -50,7 +50,7 @@ pub fn draw(
         let _ = fs::remove_file(&copy);
         let said = said.map_err(|why| {
             FleetError::NotDone(format!(
-                "{}: {why}; --pages needs `kerf` beside kerf-fleet or on PATH",
+                "{}: {why}; --pages needs `kerf` next to kerf-fleet or on PATH",
                 kerf.display()
             ))
         })?;

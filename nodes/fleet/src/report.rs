@@ -32,7 +32,7 @@ pub struct Report {
     pub builds: Vec<(String, Counts)>,
     /// Files that could not be read.
     pub problems: Vec<String>,
-    /// Pages of bags that were drawn, beside the page of the report.
+    /// Pages of bags that were drawn, next to the page of the report.
     pub pages: BTreeMap<String, String>,
 }
 

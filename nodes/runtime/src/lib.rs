@@ -7,7 +7,7 @@
 //!
 //! The folders, each using only those before it: `process`, `parameters`, `command_line`, `samples`,
 //! `rustdds`, `zenoh`, `endpoints`, `managed`. The first lines of each say what belongs there. The files
-//! beside them use all folders: `session` joins a domain, `run` is a node from start to end.
+//! next to them use all folders: `session` joins a domain, `run` is a node from start to end.
 //!
 //! What holds everywhere:
 //!

@@ -1,7 +1,7 @@
 //! Where the driver goes when a phase has ended.
 //!
 //! Only phases in which nothing is under way are here. So one phase never names another:
-//! each returns this, and `driver.rs` makes the transition.
+//! each returns this, and `transition.rs` makes the transition.
 
 /// A phase in which nothing is under way.
 #[derive(Debug, PartialEq)]

@@ -23,7 +23,7 @@ impl UserFunction {
     /// The function that an action calls, if it calls one.
     pub(crate) fn of(action: &Action) -> Option<Self> {
         let Action::Auxiliary { letter: 'M', number, words } = *action else { return None };
-        // M107.5 is none.
+        // M107.5 is not a function of the user.
         let number = (100..=199_u8).find(|known| f64::from(*known) == number)?;
         Some(Self { number, p: words.value('P'), q: words.value('Q') })
     }

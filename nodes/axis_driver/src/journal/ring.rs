@@ -1,6 +1,6 @@
-//! Entries of the journal in as little memory as they need, for whoever missed some.
+//! Entries of the journal in as little memory as they need, for readers that missed some.
 //!
-//! Bounded in bytes, of which none is held beside them: the oldest go first.
+//! Bounded in bytes, bookkeeping included: the oldest entries are dropped first.
 
 use super::{Entry, EntryKind, kind_from_wire, kind_to_wire};
 use std::collections::VecDeque;

@@ -1,4 +1,4 @@
-//! What the controller says of its receive buffer, beside what was sent.
+//! What the controller reports of its receive buffer, compared with what was sent.
 //!
 //! The line keeps its order both ways, which is all that the comparison needs:
 //!

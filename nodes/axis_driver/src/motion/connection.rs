@@ -1,4 +1,4 @@
-//! One connection to a ROS side: what it says is done, what it is to hear is written.
+//! One connection to a ROS side: executes its requests, and writes what it subscribed to.
 
 use super::hub::{Hub, News, log, ns};
 use super::memory::{Collected, PathRefusal, refusal};

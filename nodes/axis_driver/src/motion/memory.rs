@@ -1,4 +1,4 @@
-//! What outlives a ROS side, so that the next one goes on as if nothing had been.
+//! State that survives a restart of the ROS side, so that the next one continues with it.
 //!
 //! Pure, and bounded in everything: what a face has asked to keep, how runs, moves and
 //! commands ended, the newest state and settings, the paths.

@@ -1,8 +1,8 @@
-//! The way to the machine without ROS, for who sits at its own computer.
+//! Local access to the machine without ROS: a socket on its own computer.
 //!
-//! A socket with a name made of the ROS domain and the node, in a folder of this user that only
-//! this user can write to, or a group that was given it: whoever may open the socket may stop the
-//! machine. It takes wishes to stop and to know, and nothing that moves.
+//! The name of the socket is made of the ROS domain and the node. Only this user can write to its
+//! folder, or a group that was given it: whoever may open the socket may stop the machine. It
+//! accepts requests to stop and to report, and none that move.
 
 use super::hub::Hub;
 use crate::driver::{Command, Refusal};

@@ -1,4 +1,4 @@
-//! Wishes to hold that come by topic: what begins counts, not what lasts.
+//! Hold requests by topic: only a change to true counts.
 
 use runtime::Gid;
 use std::collections::BTreeSet;

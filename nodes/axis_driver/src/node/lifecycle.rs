@@ -1,8 +1,8 @@
 //! What the states of the driver mean.
 //!
-//! Configured is: the port is in its care. Whether there is a controller behind it is
-//! reported by `machine_state`, not by the lifecycle: a line comes and goes while the driver
-//! lives, and is opened again by itself. Active is: goals and motion are taken up.
+//! Configured: the driver owns the port; `machine_state`, not the lifecycle, says whether a
+//! controller answers there. The driver reopens a lost line by itself. Active: goals and motion
+//! are accepted.
 
 use super::RemoteDriver;
 use crate::driver::Command;

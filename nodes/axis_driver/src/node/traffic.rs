@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What the entries of one message may take, bytes.
 const MESSAGE_BYTES_MAX: usize = 48_000;
-/// What an entry takes beside its data, bytes.
+/// Overhead per entry, bytes.
 const ENTRY_BYTES: usize = 48;
 
 /// Where entries go; clones share the ring.

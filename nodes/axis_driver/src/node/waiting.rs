@@ -1,7 +1,7 @@
-//! Who waits for the end of what: answers to orders, runs, jogs and probes, the shutdown.
+//! Callers that wait for results: answers to orders, runs, jogs and probes, the shutdown.
 //!
-//! An end may come before anybody waits for it, where the face before this one gave the order.
-//! Then it is kept here until somebody asks. Sends nothing and decides nothing.
+//! If the ROS side before this one gave the order, a result may come before a caller waits for
+//! it. Then it is kept here until a caller asks. Sends nothing and decides nothing.
 
 use super::Reply;
 use crate::driver::{MoveResult, RunResult};

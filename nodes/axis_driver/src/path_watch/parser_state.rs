@@ -1,4 +1,4 @@
-//! The words in force as the controller reports them, beside those that were sent.
+//! The words in force as the controller reports them, compared with those that were sent.
 
 use super::sent::WordsInForce;
 use super::tolerances::{WORD, WORD_SHARE};

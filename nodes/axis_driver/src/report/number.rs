@@ -1,4 +1,4 @@
-//! Numbers as firmware prints them; anything else is none.
+//! Numbers as firmware prints them; anything else is rejected.
 
 use super::ReportUnits;
 use cnc_msgs::geometry::Position;

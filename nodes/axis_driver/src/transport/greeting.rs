@@ -1,4 +1,4 @@
-//! Tells a controller from what else listens on a network port, by its first bytes.
+//! Distinguishes a controller from other services on a network port by its first bytes.
 
 /// The bytes of a greeting that are looked at.
 pub(super) const GREETING_BYTES: usize = 5;

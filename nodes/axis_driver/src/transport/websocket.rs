@@ -36,7 +36,7 @@ pub(super) struct Ws {
     heard: Heard,
     has_unwritten: bool,
     has_unread: bool,
-    /// Why it has ended; told when what came before was read.
+    /// Why it has ended; reported after everything before it was read.
     end: Option<String>,
 }
 

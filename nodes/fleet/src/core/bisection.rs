@@ -34,8 +34,8 @@ impl Bisection {
         unknown.min_by_key(|commit| commit.abs_diff(middle))
     }
 
-    /// Takes what a commit made.
-    pub fn tell(&mut self, commit: usize, outcome: Outcome) {
+    /// Records the result of a commit.
+    pub fn record(&mut self, commit: usize, outcome: Outcome) {
         match outcome {
             Outcome::Same => self.good = self.good.max(commit),
             Outcome::Different => self.bad = self.bad.min(commit),
@@ -67,7 +67,7 @@ mod tests {
                 _ if commit < first_different => Outcome::Same,
                 _ => Outcome::Different,
             };
-            bisection.tell(commit, outcome);
+            bisection.record(commit, outcome);
         }
         let (found, suspects) = bisection.first_different();
         (found, suspects, tried)

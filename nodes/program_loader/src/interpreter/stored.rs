@@ -12,7 +12,7 @@ use cnc_msgs::geometry::{AxisSet, Position};
 
 impl Interpreter<'_> {
     /// Takes the values of a parameter file. Those that LinuxCNC would act on at once are refused
-    /// or told.
+    /// or reported.
     pub(crate) fn store(&mut self, values: &[Stored], findings: &mut Findings) {
         findings.begin_block();
         self.ignored(values, findings);

@@ -105,7 +105,7 @@ impl ParameterFile {
         self.state().trouble = None;
     }
 
-    /// `None` where there is nothing to tell.
+    /// `None` if there is nothing to report.
     pub(super) fn health(&self) -> Option<Health> {
         let message = self.state().trouble.clone()?;
         let component = "parameter file".to_owned();

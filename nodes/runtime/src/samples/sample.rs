@@ -41,7 +41,7 @@ impl From<&SampleInfo> for Gid {
 pub(crate) struct Sample {
     pub(crate) received: Received,
     pub(crate) info: SampleInfo,
-    /// The request that it is or answers, where the middleware says so beside the bytes.
+    /// The request that it is or answers, if the middleware says so outside of the bytes.
     pub(crate) request: Option<RequestId>,
 }
 

@@ -1,4 +1,4 @@
-//! What travels with each sample: numbers beside it, and the encoding before it.
+//! What travels with each sample: numbers attached to it, and the encoding before it.
 //!
 //! Pure. The attachment is what the serializer of zenoh-ext makes of the number of the sample, the
 //! time at the sender in nanoseconds, and the sender's address of sixteen bytes.
@@ -8,7 +8,7 @@ use crate::samples::sample::{ByteOrder, Received};
 /// Number, time, length of the address, address.
 const BYTES: usize = 8 + 8 + 1 + 16;
 
-/// Numbers beside a sample.
+/// Numbers attached to a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Attachment {
     /// Of a topic: from 1. Of a request and its reply: what the client counts.

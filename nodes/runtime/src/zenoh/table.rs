@@ -195,7 +195,7 @@ mod tests {
         let mut table = Table::new("1");
         assert_eq!(table.add_local(ours.clone()), Arrival::default());
         assert_eq!(table.arrived(&theirs.text()).expect("new").matched, pair);
-        // The history and the announcement may both tell of it.
+        // The history and the announcement may both announce it.
         assert_eq!(table.arrived(&theirs.text()), None);
         assert_eq!(table.left(&theirs.text()), Some(theirs.gid()));
         assert_eq!(table.left(&theirs.text()), None);

@@ -1,4 +1,4 @@
-//! Faster and slower than programmed.
+//! Feed, rapid and spindle overrides.
 //!
 //! The controller knows steps only, and takes each as a byte that acts at once and is not
 //! answered: `Ov:` in a later report shows what it made of them. grbl 1.1h keeps a bit for

@@ -85,7 +85,7 @@ impl Job {
             machine.line = self.line();
             return;
         }
-        // The way to the first element is none of its own.
+        // The way to the first element is not one of its elements.
         if self.has_sent && (oldest.is_some() || self.tracker.has_begun()) {
             let position = machine.work_position();
             // In idle it is the last one of whatever ran before.

@@ -24,7 +24,7 @@ pub(super) struct RunWatch {
     wrong_thread: Option<RunVerdict>,
     /// The newest report did not fit; another one was asked for.
     doubt: Option<Doubt>,
-    /// The controller has told its offsets just before the first line.
+    /// The controller has reported its offsets just before the first line.
     has_fresh_offsets: bool,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct RunWatch {
 #[derive(Debug, Clone, Copy)]
 struct Doubt {
     at: Duration,
-    /// Reports with no work offset do not tell.
+    /// Reports without a work offset do not decide it.
     is_of_offset: bool,
     reports: u32,
 }
@@ -49,9 +49,9 @@ impl ProgramRun {
         context.config.on_path_deviation != OnPathDeviation::Off && !self.job.is_check()
     }
 
-    /// The controller was asked for its offsets, and has told them or not.
-    pub(super) fn has_asked_offsets(&mut self, has_told: bool) {
-        self.watch.has_fresh_offsets = has_told;
+    /// The controller was asked for its offsets; `has_reported` is whether it has sent them.
+    pub(super) fn has_asked_offsets(&mut self, has_reported: bool) {
+        self.watch.has_fresh_offsets = has_reported;
     }
 
     /// The first line is about to be sent; the machine stands.

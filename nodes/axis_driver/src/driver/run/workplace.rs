@@ -24,7 +24,7 @@ pub(in crate::driver) struct WorkplaceCheck {
     /// The controller has reported settings; else only a check is possible.
     has_reported: bool,
     check_travel: CheckTravel,
-    /// It is a part of a run, and no check beside one.
+    /// Part of a run, not a check that runs next to one.
     is_of_run: bool,
     /// Which tool is in the spindle is not known: any of them has to pass.
     is_mdi: bool,
