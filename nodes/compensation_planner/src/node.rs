@@ -19,6 +19,7 @@ use crate::tools::set_tool::{self, LoadedProgram, Refusal};
 use crate::tools::verdict::{Verdict, judge};
 use crate::walk::plan::{Plan, Planning};
 use cnc_msgs::chunk::PathChunks;
+use cnc_msgs::count::counted;
 use cnc_msgs::interface::Service;
 use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
@@ -384,12 +385,12 @@ impl Planner {
         let accepted = planned.accepted();
         let report = self.report(&input, (revision, tools_revision), stamp, &planned);
         tracing::info!(
-            "{} is {}: {} elements, {} errors, {} warnings",
+            "{} is {}: {}, {}, {}",
             input.manifest.name,
             if accepted { "planned" } else { "refused" },
-            planned.path.elements.len(),
-            report.error_count,
-            report.warning_count
+            counted(planned.path.elements.len(), "element"),
+            counted(report.error_count as usize, "error"),
+            counted(report.warning_count as usize, "warning")
         );
         self.state().summary = Some(PlanSummary {
             name: input.manifest.name.clone(),
