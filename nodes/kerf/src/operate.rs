@@ -384,7 +384,7 @@ pub(crate) async fn run_goal(
 
 /// How a run ended that was not cut to its end: where, and the code of an error.
 fn end_text(result: &RunProgramResult) -> String {
-    let RunProgramResult { outcome, error_code, message, last_line, .. } = result;
+    let RunProgramResult { outcome, error_code, message, last_line } = result;
     match (*outcome, last_line) {
         (RunProgramResult::OUTCOME_CANCELED, 0) => message.clone(),
         (RunProgramResult::OUTCOME_CANCELED, line) => format!("{message} at line {line}"),
@@ -398,6 +398,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_run_that_the_driver_has_lost_is_reported_with_what_to_do() {
+        let failure = no_result(GoalError::Forgotten { action: "/run_program".into() });
+        assert_eq!(failure.status, Status::NodeRefused);
+        let says = |part: &str| failure.message.contains(part);
+        assert!(says("the driver was restarted") && says("`kerf reset`"), "{}", failure.message);
+    }
+
+    #[test]
     fn a_cancel_is_no_error_and_an_error_has_its_code() {
         use RunProgramResult as R;
         for (outcome, error_code, message, last_line, expected) in [
@@ -407,7 +415,7 @@ mod tests {
             (R::OUTCOME_ABORTED, 330, "out of travel", 0, "out of travel (error 330)"),
         ] {
             let message = message.to_owned();
-            let result = R { outcome, error_code, message, last_line, ..R::default() };
+            let result = R { outcome, error_code, message, last_line };
             assert_eq!(end_text(&result), expected);
         }
     }
