@@ -5,6 +5,7 @@
 pub(crate) mod chain;
 pub(crate) mod chain_links;
 pub(crate) mod corner;
+pub(crate) mod links;
 pub(crate) mod runs;
 
 use crate::geometry::element::{Element, Vec2};

@@ -13,9 +13,10 @@ use crate::check::walls::Walls;
 use crate::geometry::element::{Element, Vec2, cross, left};
 use crate::geometry::frame::{height, in_plane, in_work};
 use crate::geometry::tolerance::{BEND_RAD, GOUGE_MM, LENGTH_MM};
-use crate::span::chain::{ChainLink, Placed, join};
+use crate::span::chain::{ChainBuilder, Placed, join};
 use crate::span::chain_links::{links, push_runs};
 use crate::span::corner::Corners;
+use crate::span::links::{ChainLinks, Links};
 use crate::span::{Lead, Run, Span};
 use cnc_msgs::calls::{Call, Calls};
 use cnc_msgs::contour::{CutterSide, Source};
@@ -158,11 +159,13 @@ impl<'a> Subject<'a> {
         })
     }
 
-    fn joined(&self, runs: &[Run], radius_mm: f64) -> (Vec<ChainLink>, Vec<Placed>) {
-        let mut links = Vec::with_capacity(runs.len() * 2);
+    fn joined(&self, runs: &[Run], radius_mm: f64) -> (ChainLinks, Vec<Placed>) {
+        let scale = radius_mm / self.span.d_mm.abs();
         let short_mm = self.profile.corner.short_block_mm;
-        push_runs(&mut links, runs, radius_mm / self.span.d_mm.abs(), short_mm);
-        let placed = join(&links, 0.0);
+        let mut links = ChainBuilder::new(runs.len(), scale, short_mm);
+        push_runs(&mut links, runs, scale);
+        let links = links.finish();
+        let placed = join(links.of(runs), 0.0);
         (links, placed)
     }
 
@@ -177,12 +180,13 @@ impl<'a> Subject<'a> {
             return None;
         }
         let (links, placed) = self.joined(&self.runs, radius_mm);
-        let gaps = consumed(&links, &placed).take(FAILURES_MAX);
+        let links = links.of(&self.runs);
+        let gaps = consumed(links, &placed).take(FAILURES_MAX);
         let mut failures: Vec<Failure> = gaps.map(Failure::Consumed).collect();
         if failures.is_empty() {
-            let walls = Walls::new(&self.runs, &links, &placed);
+            let walls = Walls::new(&self.runs, links, &placed);
             let corners = self.corners();
-            let joined = Joined { links: &links, placed: &placed, corners };
+            let joined = Joined { links, placed: &placed, corners };
             let cuts = interference::cuts(&walls, &joined, 0.0, TOUCH_MM);
             let within = cuts.cuts.into_iter().filter(|cut| !cut.is_other_pass);
             let within = within.filter(|cut| !self.is_bend(cut));
@@ -317,7 +321,7 @@ impl<'a> Subject<'a> {
     fn vanishing(&self, place: &Unreachable, failing: f64) -> f64 {
         let left = |radius_mm: f64| {
             let (links, placed) = self.joined(&self.runs, radius_mm);
-            left_of(&links, &placed, place.longest)
+            left_of(links.of(&self.runs), &placed, place.longest)
         };
         let (mut far, mut near) = (failing * (1.0 - 1e-3), failing * (1.0 - 1e-4));
         for _ in 0..6 {
@@ -353,7 +357,7 @@ impl<'a> Subject<'a> {
     fn leads_valid_to(&self, limit_mm: f64) -> Option<f64> {
         let planned = self.span.d_mm.abs();
         let (links, placed) = self.joined(self.all, planned);
-        let walls = Walls::new(self.all, &links, &placed);
+        let walls = Walls::new(self.all, links.of(self.all), &placed);
         let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM)?;
         // If a contour closes with the noise of its coordinates, leads cut a little into it.
         if exact < planned && self.leads_are_free(&walls, planned.min(limit_mm), GOUGE_MM) {
@@ -398,7 +402,7 @@ impl<'a> Subject<'a> {
                 !cuts(&|run| below.is(walls, run))
             }
         };
-        let path = |(links, placed): (&[ChainLink], &[Placed]), is_on, outside| {
+        let path = |(links, placed): (Links<'_>, &[Placed]), is_on, outside| {
             let joined = Joined { links, placed, corners: self.corners() };
             if is_on {
                 lead::LeadPath::on(&joined, outside)
@@ -408,26 +412,28 @@ impl<'a> Subject<'a> {
         };
         if !self.span.entry.is_link {
             let links = links(self.span, head, None, self.profile, scale);
-            let placed = join(&links, 0.0);
-            if is_any_unreachable(&links, &placed, self.profile.accept_tolerance_mm) {
+            let links = links.of(head);
+            let placed = join(links, 0.0);
+            if is_any_unreachable(links, &placed, self.profile.accept_tolerance_mm) {
                 return false;
             }
             let on = &self.span.entry.lead;
             let end = lead::FreeEnd::first(walls);
-            let path = path((&links, &placed), true, in_plane(plane, on.start));
+            let path = path((links, &placed), true, in_plane(plane, on.start));
             if path.is_some_and(|path| !is_free(&path, end, on, radius_mm)) {
                 return false;
             }
         }
         let Some(lead) = self.lead_off else { return true };
         let links = links(self.span, tail, Some(lead), self.profile, scale);
-        let placed = join(&links, 0.0);
-        if is_any_unreachable(&links, &placed, self.profile.accept_tolerance_mm) {
+        let links = links.of(tail);
+        let placed = join(links, 0.0);
+        if is_any_unreachable(links, &placed, self.profile.accept_tolerance_mm) {
             return false;
         }
         let to = in_plane(plane, lead.motion.end);
         let end = lead::FreeEnd::last(walls);
         let radius_mm = self.span.d_out_mm.abs() * scale;
-        path((&links, &placed), false, to).is_none_or(|path| is_free(&path, end, lead, radius_mm))
+        path((links, &placed), false, to).is_none_or(|path| is_free(&path, end, lead, radius_mm))
     }
 }

@@ -13,6 +13,7 @@ use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
 use crate::geometry::tree::{FLAT_MAX, Tree, budget};
 use crate::span::chain::{ChainLink, Placed, Role};
 use crate::span::corner::{Corners, PIECES};
+use crate::span::links::Links;
 use std::ops::ControlFlow;
 
 /// The tool on one run comes too near to another.
@@ -90,7 +91,7 @@ impl FoundCuts {
 /// The joined path of the tool along a span.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Joined<'a> {
-    pub links: &'a [ChainLink],
+    pub links: Links<'a>,
     pub placed: &'a [Placed],
     pub corners: Corners<'a>,
 }
@@ -141,7 +142,7 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     );
     let budget = &mut budget(paths.len());
     let is_complete = tree.near_pairs(walls.tree(), reach, budget, boxes, |on, run| {
-        let link = &links[placed[paths[on].place].link];
+        let link = &links.at(placed[paths[on].place].link);
         let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
         match cut(walls, &paths[on], || element(on), radius_mm, link, run) {
             Some(cut) => found.push(paths[on].place, cut),
@@ -155,7 +156,7 @@ impl ToolMove {
     fn element(&self, joined: &Joined<'_>) -> Option<Element> {
         let Joined { links, placed, corners } = *joined;
         match self.piece {
-            None => element(&links[placed[self.place].link], &placed[self.place]),
+            None => element(&links.at(placed[self.place].link), &placed[self.place]),
             Some(piece) => corners.pieces(links, placed, self.place)?[piece],
         }
     }
@@ -167,7 +168,7 @@ pub(crate) fn pieces(
     joined: &Joined<'_>,
 ) -> impl Iterator<Item = (usize, f64, Element)> {
     paths(walls, joined, [0.0; 2]).into_iter().filter_map(|path| {
-        let link = &joined.links[joined.placed[path.place].link];
+        let link = &joined.links.at(joined.placed[path.place].link);
         let radius_mm = link.d_in_mm.abs().min(link.d_out_mm.abs());
         Some((path.run, radius_mm, path.element(joined)?))
     })
@@ -177,7 +178,7 @@ pub(crate) fn pieces(
 /// none.
 fn paths(walls: &Walls<'_>, joined: &Joined<'_>, [near, nearer]: [f64; 2]) -> Vec<ToolMove> {
     let Joined { links, placed, corners } = *joined;
-    let role = |place: Option<usize>| Some(links[placed.get(place?)?.link].role);
+    let role = |place: Option<usize>| Some(links.role(placed.get(place?)?.link));
     let mut paths: Vec<ToolMove> = Vec::with_capacity(placed.len());
     let mut run_before: Option<usize> = None;
     for place in 0..placed.len() {

@@ -43,7 +43,7 @@ impl LeadPath {
     pub(crate) fn on(joined: &Joined<'_>, outside: Vec2) -> Option<Self> {
         let Joined { links, placed, corners } = *joined;
         let first = placed.first()?;
-        let is_joined = links[first.link].role == Role::Entry;
+        let is_joined = links.role(first.link) == Role::Entry;
         let end = match corners.lines(links, placed, 1).filter(|_| is_joined) {
             Some(lines) => lines.before_end,
             None if is_joined => first.end,
@@ -51,7 +51,7 @@ impl LeadPath {
         };
         let mut corner = if is_joined { corner(joined, 1) } else { [None; PIECES] };
         if let Some(place) = placed.get(1).filter(|_| is_joined && corner[0].is_none()) {
-            corner[0] = interference::beyond(&links[place.link], place, false);
+            corner[0] = interference::beyond(&links.at(place.link), place, false);
         }
         Some(Self { straight: (outside, end), corner })
     }
@@ -60,7 +60,7 @@ impl LeadPath {
     pub(crate) fn off(joined: &Joined<'_>, outside: Vec2) -> Option<Self> {
         let Joined { links, placed, corners } = *joined;
         let last = placed.last()?;
-        if links[last.link].role != Role::Exit {
+        if links.role(last.link) != Role::Exit {
             return Some(Self { straight: (last.end, outside), corner: [None; PIECES] });
         }
         let Some(index) = placed.len().checked_sub(2) else {
@@ -68,7 +68,7 @@ impl LeadPath {
         };
         let mut corner = corner(joined, index);
         if corner[0].is_none() {
-            corner[0] = interference::beyond(&links[placed[index].link], &placed[index], true);
+            corner[0] = interference::beyond(&links.at(placed[index].link), &placed[index], true);
         }
         let start = match corners.lines(links, placed, index) {
             // From the last line it leaves straight.
@@ -228,10 +228,10 @@ fn corner(joined: &Joined<'_>, index: usize) -> [Option<Element>; PIECES] {
     let Joined { links, placed, corners } = *joined;
     let mut pieces = [None; PIECES];
     match placed.get(index) {
-        Some(place) if matches!(links[place.link].role, Role::Corner { .. }) => {
+        Some(place) if matches!(links.role(place.link), Role::Corner { .. }) => {
             match corners.pieces(links, placed, index) {
                 Some(lines) => pieces = lines,
-                None => pieces[0] = interference::element(&links[place.link], place),
+                None => pieces[0] = interference::element(&links.at(place.link), place),
             }
         }
         _ => {}

@@ -12,6 +12,7 @@ use crate::geometry::tolerance::{
     CHORD_MM, CHORD_RADII, CHORD_TURN_RAD, CURVE_RADIUS_MM, GOUGE_MM, LENGTH_MM, SHARP_TURN_RAD,
 };
 use crate::span::chain::{ChainLink, Placed, Role, Turn, join, turn};
+use crate::span::links::Links;
 
 /// Consecutive elements that the tool cannot reach.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,13 +29,13 @@ pub(crate) struct Unreachable {
 }
 
 /// Whether there is any place that the tool cannot reach.
-pub(crate) fn is_any_unreachable(links: &[ChainLink], placed: &[Placed], tolerance: f64) -> bool {
+pub(crate) fn is_any_unreachable(links: Links<'_>, placed: &[Placed], tolerance: f64) -> bool {
     gaps(links, placed).any(|gap| is_deep(links, placed, &gap, tolerance))
 }
 
 /// All places that the tool cannot reach, each with its own search for the radius.
 pub(crate) fn unreachable<'a>(
-    links: &'a [ChainLink],
+    links: Links<'a>,
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Unreachable> + 'a {
@@ -48,13 +49,13 @@ pub(crate) fn unreachable<'a>(
 }
 
 fn place(
-    links: &[ChainLink],
+    links: Links<'_>,
     gap: &Gap,
     slack: f64,
-    fits: impl Fn(&[ChainLink], &[Placed]) -> bool,
+    fits: impl Fn(Links<'_>, &[Placed]) -> bool,
 ) -> Option<Unreachable> {
     let runs = || {
-        links[gap.from..gap.to].iter().filter_map(|link| match link.role {
+        links.range(gap.from, gap.to).iter().filter_map(|link| match link.role {
             Role::Run(run) => Some((run, link.element.length())),
             _ => None,
         })
@@ -64,23 +65,23 @@ fn place(
     let from = gap.before.unwrap_or(gap.from);
     let to = gap.after.map_or(gap.to, |after| after + 1);
     let is_lead = |link: Option<usize>| {
-        link.is_some_and(|link| matches!(links[link].role, Role::Entry | Role::Exit))
+        link.is_some_and(|link| matches!(links.role(link), Role::Entry | Role::Exit))
     };
     Some(Unreachable {
         is_by_lead: is_lead(gap.before) || is_lead(gap.after),
         first: first.0,
         last: last.0,
         longest: longest.0,
-        radius_mm_max: largest_radius(&links[from..to], slack, fits),
+        radius_mm_max: largest_radius(links.range(from, to), slack, fits),
     })
 }
 
 /// All consumed elements, accepted or not, each with its own search for the radius.
 pub(crate) fn consumed<'a>(
-    links: &'a [ChainLink],
+    links: Links<'a>,
     placed: &'a [Placed],
 ) -> impl Iterator<Item = Unreachable> + 'a {
-    let is_any = |links: &[ChainLink], placed: &[Placed]| {
+    let is_any = |links: Links<'_>, placed: &[Placed]| {
         gaps(links, placed).any(|gap| !is_corner_of_curves(links, placed, &gap, 0.0))
     };
     gaps(links, placed)
@@ -89,9 +90,9 @@ pub(crate) fn consumed<'a>(
 }
 
 /// What the joints leave of the compensated element of a run, mm; below 0 when it vanishes.
-pub(crate) fn left_of(links: &[ChainLink], placed: &[Placed], run: usize) -> Option<f64> {
-    let place = placed.iter().find(|place| links[place.link].role == Role::Run(run))?;
-    let link = &links[place.link];
+pub(crate) fn left_of(links: Links<'_>, placed: &[Placed], run: usize) -> Option<f64> {
+    let place = placed.iter().find(|place| links.role(place.link) == Role::Run(run))?;
+    let link = &links.at(place.link);
     let length = link.element.offset(link.d_in_mm)?.length();
     Some(length - place.trim_in - place.trim_out)
 }
@@ -99,7 +100,7 @@ pub(crate) fn left_of(links: &[ChainLink], placed: &[Placed], run: usize) -> Opt
 /// Where blocks are left out, sharp corners of curves included: the index of what is placed before
 /// each gap.
 pub(crate) fn left_out<'a>(
-    links: &'a [ChainLink],
+    links: Links<'a>,
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Option<usize>> + 'a {
@@ -121,24 +122,24 @@ pub(crate) struct Skipped {
 /// takes chords from the end of a curve as it takes a piece of an arc, and the lead cuts no wall
 /// there.
 pub(crate) fn skipped_by_leads<'a>(
-    links: &'a [ChainLink],
+    links: Links<'a>,
     placed: &'a [Placed],
     tolerance: f64,
 ) -> impl Iterator<Item = Skipped> + 'a {
     let skipped = move |gap: Gap| {
-        let is = |link: Option<usize>, role| link.is_some_and(|link| links[link].role == role);
+        let is = |link: Option<usize>, role| link.is_some_and(|link| links.role(link) == role);
         let is_by_entry = is(gap.before, Role::Entry);
         if !is_by_entry && !is(gap.after, Role::Exit) {
             return None;
         }
         let runs = || {
-            links[gap.from..gap.to].iter().filter_map(|link| match link.role {
+            links.range(gap.from, gap.to).iter().filter_map(|link| match link.role {
                 Role::Run(run) => Some((run, link)),
                 _ => None,
             })
         };
         let stand = placed.get(gap.index)?.start;
-        let lead = &links[if is_by_entry { gap.before? } else { gap.after? }];
+        let lead = &links.at(if is_by_entry { gap.before? } else { gap.after? });
         let offset = lead.element.offset(lead.d_in_mm)?;
         let outside = if is_by_entry { offset.start() } else { offset.end() };
         let path = Element::line(outside, stand)?;
@@ -146,7 +147,7 @@ pub(crate) fn skipped_by_leads<'a>(
         let parts = [0.0, 0.5, 1.0];
         let all = runs().flat_map(|(_, link)| {
             let at = move |part: f64| link.element.point_at(link.element.length() * part);
-            parts.into_iter().map(move |part| stays(link, at(part)))
+            parts.into_iter().map(move |part| stays(&link, at(part)))
         });
         let stays_mm = all.fold(0.0, f64::max);
         let (first, last) = (runs().next()?.0, runs().next_back()?.0);
@@ -167,19 +168,19 @@ struct Gap {
     after: Option<usize>,
 }
 
-fn gaps<'a>(links: &'a [ChainLink], placed: &'a [Placed]) -> impl Iterator<Item = Gap> + 'a {
+fn gaps<'a>(links: Links<'a>, placed: &'a [Placed]) -> impl Iterator<Item = Gap> + 'a {
     (0..=placed.len()).filter_map(move |index| {
         let before = index.checked_sub(1).map(|index| placed[index].link);
         let after = placed.get(index).map(|placed| placed.link);
         let from = before.map_or(0, |before| before + 1);
         let to = after.unwrap_or(links.len());
-        let is_gap = links[from.min(to)..to].iter().any(|link| matches!(link.role, Role::Run(_)));
+        let is_gap = (from..to).any(|link| matches!(links.role(link), Role::Run(_)));
         is_gap.then_some(Gap { index, from, to, before, after })
     })
 }
 
 /// Whether the consumed links are more than noise, and more than a sharp corner takes.
-fn is_deep(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+fn is_deep(links: Links<'_>, placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     deviation(links, placed, gap, tolerance) > tolerance
         && !is_end_that_is_touched(links, placed, gap, tolerance)
         && !is_curve_that_is_touched(links, placed, gap, tolerance)
@@ -188,12 +189,7 @@ fn is_deep(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) ->
 
 /// Whether a contour begins or ends with an arc that the tool touches completely while it stands
 /// still: an arc hardly smaller than the tool, and so short that its offset goes nowhere.
-fn is_end_that_is_touched(
-    links: &[ChainLink],
-    placed: &[Placed],
-    gap: &Gap,
-    tolerance: f64,
-) -> bool {
+fn is_end_that_is_touched(links: Links<'_>, placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     let last = gap.index.checked_sub(1).and_then(|index| placed.get(index));
     let stand = match (gap.before, gap.after) {
         (Some(_), None) => last.map(|last| last.end),
@@ -201,7 +197,8 @@ fn is_end_that_is_touched(
         _ => None,
     };
     let Some(stand) = stand else { return false };
-    let mut runs = links[gap.from..gap.to].iter().filter(|link| matches!(link.role, Role::Run(_)));
+    let mut runs =
+        links.range(gap.from, gap.to).iter().filter(|link| matches!(link.role, Role::Run(_)));
     runs.all(|link| {
         let (radius_mm, length) = (link.d_in_mm.abs(), link.element.length());
         let is_short = matches!(link.element, Element::Arc(arc) if arc.sweep <= CHORD_TURN_RAD);
@@ -215,8 +212,8 @@ fn is_end_that_is_touched(
 
 /// The links on both sides of a gap and all between them, without the arcs around outside corners:
 /// those are no part of the contour.
-fn along(links: &[ChainLink], gap: &Gap) -> Option<Vec<usize>> {
-    let is_corner = |link: &usize| matches!(links[*link].role, Role::Corner { .. });
+fn along(links: Links<'_>, gap: &Gap) -> Option<Vec<usize>> {
+    let is_corner = |link: &usize| matches!(links.role(*link), Role::Corner { .. });
     let (before, after) = (gap.before?, gap.after?);
     let before = if is_corner(&before) { before.checked_sub(1)? } else { before };
     let after = if is_corner(&after) { after + 1 } else { after };
@@ -228,7 +225,7 @@ fn along(links: &[ChainLink], gap: &Gap) -> Option<Vec<usize>> {
 /// The noise of posted coordinates turns short chords so much that whole groups are consumed inside
 /// a curve that the tool fits into. What it leaves there is still noise.
 fn is_curve_that_is_touched(
-    links: &[ChainLink],
+    links: Links<'_>,
     placed: &[Placed],
     gap: &Gap,
     tolerance: f64,
@@ -237,13 +234,13 @@ fn is_curve_that_is_touched(
     let Some(along) = along(links, gap) else { return false };
     let consumed = &along[1..along.len() - 1];
     let off = |link: &ChainLink, point: Vec2| ((point - stand).norm() - link.d_in_mm.abs()).abs();
-    along.windows(2).all(|pair| are_chords(&links[pair[0]], &links[pair[1]]))
-        && consumed.iter().map(|&link| &links[link]).all(|link| {
+    along.windows(2).all(|pair| are_chords(&links.at(pair[0]), &links.at(pair[1])))
+        && consumed.iter().map(|&link| links.at(link)).all(|link| {
             let length = link.element.length();
-            is_chord(link)
+            is_chord(&link)
                 && [0.0, 0.25, 0.5, 0.75, 1.0]
                     .into_iter()
-                    .all(|part| off(link, link.element.point_at(length * part)) <= tolerance)
+                    .all(|part| off(&link, link.element.point_at(length * part)) <= tolerance)
         })
 }
 
@@ -259,7 +256,7 @@ fn is_chord(link: &ChainLink) -> bool {
 /// each of them alone.
 ///
 /// The tool takes chords from their ends as it takes a piece of an arc.
-fn is_corner_of_curves(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+fn is_corner_of_curves(links: Links<'_>, placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     const CHORDS_MIN: usize = 3;
     let Some(along) = along(links, gap) else { return false };
     if !is_passed_by(links, placed, gap, tolerance) {
@@ -267,14 +264,14 @@ fn is_corner_of_curves(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolera
     }
     let (before, after) = (along[0], along[along.len() - 1]);
     // A link on the other side of the tool makes no corner with this one.
-    if links[before].d_out_mm * links[after].d_in_mm < 0.0 {
+    if links.at(before).d_out_mm * links.at(after).d_in_mm < 0.0 {
         return false;
     }
-    let is_chord = |link: usize| is_chord(&links[link]) && bends_as_chords(&links[link]);
+    let is_chord = |link: usize| is_chord(&links.at(link)) && bends_as_chords(&links.at(link));
     if !along[1..along.len() - 1].iter().all(|&link| is_chord(link)) {
         return false;
     }
-    let is_bent = |pair: &[usize]| !are_chords(&links[pair[0]], &links[pair[1]]);
+    let is_bent = |pair: &[usize]| !are_chords(&links.at(pair[0]), &links.at(pair[1]));
     let mut sharp = (1..along.len()).filter(|&index| is_bent(&along[index - 1..=index]));
     let (Some(corner), None) = (sharp.next(), sharp.next()) else { return false };
     // Next to a feature a few straights are no curve.
@@ -283,9 +280,10 @@ fn is_corner_of_curves(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolera
         |(end, consumed): (usize, usize)| consumed == 0 || consumed >= CHORDS_MIN || is_chord(end);
     let (last, first) = (along[corner - 1], along[corner]);
     [before, after].into_iter().zip(consumed).all(is_curve)
-        && is_sharp(&links[last].element, &links[first].element)
-        && turn(&links[last].element, &links[first].element, links[first].d_in_mm) == Turn::Inside
-        && [&links[before..=last], &links[first..=after]]
+        && is_sharp(&links.at(last).element, &links.at(first).element)
+        && turn(&links.at(last).element, &links.at(first).element, links.at(first).d_in_mm)
+            == Turn::Inside
+        && [links.range(before, last + 1), links.range(first, after + 1)]
             .into_iter()
             .all(|side| !is_any_unreachable(side, &join(side, tolerance), tolerance))
 }
@@ -307,33 +305,35 @@ fn is_sharp(a: &Element, b: &Element) -> bool {
 
 /// Whether the tool clears everything that is consumed, at the joint across a gap and on its
 /// lengthened neighbours, and leaves nothing along those.
-fn is_passed_by(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
+fn is_passed_by(links: Links<'_>, placed: &[Placed], gap: &Gap, tolerance: f64) -> bool {
     let (Some(before), Some(after)) =
         (gap.index.checked_sub(1).and_then(|index| placed.get(index)), placed.get(gap.index))
     else {
         return false;
     };
     let stand = after.start;
-    let end = |place: &Placed| links[place.link].element.offset(links[place.link].d_out_mm);
-    let start = |place: &Placed| links[place.link].element.offset(links[place.link].d_in_mm);
+    let end = |place: &Placed| links.at(place.link).element.offset(links.at(place.link).d_out_mm);
+    let start = |place: &Placed| links.at(place.link).element.offset(links.at(place.link).d_in_mm);
     let lengthened = [
         end(before).filter(|_| before.trim_out < 0.0).map(|element| element.end()),
         start(after).filter(|_| after.trim_in < 0.0).map(|element| element.start()),
     ];
     let lengthened = lengthened.map(|end| end.and_then(|end| Element::line(stand, end)));
-    links[gap.from..gap.to].iter().filter(|link| matches!(link.role, Role::Run(_))).all(|link| {
-        let radius = link.d_in_mm.abs();
-        [link.element.start(), link.element.end()].into_iter().all(|point| {
-            let is_clear = |path: &Element| {
-                let along = path.along_from_start(point, 0.0);
-                let off = (path.project(point) - point).norm();
-                !(0.0..=path.length()).contains(&along)
-                    || (off - radius).abs() <= tolerance.max(LENGTH_MM)
-            };
-            (point - stand).norm() >= radius - tolerance.max(LENGTH_MM)
-                && lengthened.iter().flatten().all(is_clear)
-        })
-    })
+    links.range(gap.from, gap.to).iter().filter(|link| matches!(link.role, Role::Run(_))).all(
+        |link| {
+            let radius = link.d_in_mm.abs();
+            [link.element.start(), link.element.end()].into_iter().all(|point| {
+                let is_clear = |path: &Element| {
+                    let along = path.along_from_start(point, 0.0);
+                    let off = (path.project(point) - point).norm();
+                    !(0.0..=path.length()).contains(&along)
+                        || (off - radius).abs() <= tolerance.max(LENGTH_MM)
+                };
+                (point - stand).norm() >= radius - tolerance.max(LENGTH_MM)
+                    && lengthened.iter().flatten().all(is_clear)
+            })
+        },
+    )
 }
 
 /// Whether two links continue each other as chords of one curve.
@@ -346,12 +346,12 @@ fn are_chords(a: &ChainLink, b: &ChainLink) -> bool {
 
 /// The greatest distance between what was consumed and the programmed corner that replaces it, mm:
 /// the neighbours, lengthened until they meet.
-fn deviation(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) -> f64 {
+fn deviation(links: Links<'_>, placed: &[Placed], gap: &Gap, tolerance: f64) -> f64 {
     // A link on the other side of the tool is not lengthened along this one.
-    let on_this_side = |other: &usize| links[*other].d_in_mm * links[gap.from].d_in_mm >= 0.0;
-    let before = gap.before.filter(on_this_side).map(|index| links[index].element);
-    let after = gap.after.filter(on_this_side).map(|index| links[index].element);
-    let ends = [links[gap.from].element.start(), links[gap.to - 1].element.end()];
+    let on_this_side = |other: &usize| links.at(*other).d_in_mm * links.at(gap.from).d_in_mm >= 0.0;
+    let before = gap.before.filter(on_this_side).map(|index| links.at(index).element);
+    let after = gap.after.filter(on_this_side).map(|index| links.at(index).element);
+    let ends = [links.at(gap.from).element.start(), links.at(gap.to - 1).element.end()];
     let Some(corner) = programmed_corner(before, after, ends, tolerance) else {
         return f64::INFINITY;
     };
@@ -368,7 +368,7 @@ fn deviation(links: &[ChainLink], placed: &[Placed], gap: &Gap, tolerance: f64) 
         let to_pieces = longer.iter().flatten().map(|piece| distance_to(piece, point));
         to_pieces.fold((point - corner).norm(), f64::min)
     };
-    let consumed = || links[gap.from..gap.to].iter().map(|link| link.element);
+    let consumed = || links.range(gap.from, gap.to).iter().map(|link| link.element);
     let from_corner = consumed().map(|element| distance_to(&element, corner));
     let points = consumed().flat_map(|element| {
         let length = element.length();
@@ -428,21 +428,14 @@ fn programmed_corner(
 
 /// The largest radius for which a piece of the chain fits.
 fn largest_radius(
-    links: &[ChainLink],
+    links: Links<'_>,
     slack: f64,
-    fits: impl Fn(&[ChainLink], &[Placed]) -> bool,
+    fits: impl Fn(Links<'_>, &[Placed]) -> bool,
 ) -> f64 {
     let radius = links.iter().map(|link| link.d_in_mm.abs()).fold(0.0, f64::max);
     let fits = |part: f64| {
-        let scaled: Vec<ChainLink> = links
-            .iter()
-            .map(|link| ChainLink {
-                d_in_mm: link.d_in_mm * part,
-                d_out_mm: link.d_out_mm * part,
-                ..*link
-            })
-            .collect();
-        fits(&scaled, &join(&scaled, slack))
+        let scaled = links.scaled(part);
+        fits(scaled, &join(scaled, slack))
     };
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..48 {

@@ -67,13 +67,13 @@ fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Cross
     let mut all: Vec<Placed> = Vec::with_capacity(links.len());
     let mut joints: Vec<Crossing> = Vec::new();
     let mut push = |mut place: Placed, is_joined: bool, all: &mut Vec<Placed>| {
-        let link = &links[place.link];
+        let link = &links.at(place.link);
         let ahead = link.element.offset(link.d_in_mm);
         if !is_joined {
             let Some(ahead) = ahead else { return };
             (place.start, place.trim_in) = (ahead.start(), 0.0);
             if let Some(last) = all.last_mut() {
-                let before = &links[last.link];
+                let before = &links.at(last.link);
                 if let Some(element) = before.element.offset(before.d_out_mm) {
                     (last.end, last.trim_out) = (element.end(), 0.0);
                     let meeting = (last.link + 1 == place.link && !link.is_smooth)
@@ -115,7 +115,7 @@ fn with_consumed(joined: &Joined<'_>, tolerance: f64) -> (Vec<Placed>, Vec<Cross
     }
     let length = |index: usize| {
         let place: &Placed = &all[index];
-        element(&links[place.link], place).map_or(0.0, |path| path.length())
+        element(&links.at(place.link), place).map_or(0.0, |path| path.length())
     };
     for joint in &mut joints {
         // Converts a trim into a place along the path.
@@ -135,7 +135,7 @@ fn trim_path(
 ) -> Trimmed {
     let Joined { links, placed, .. } = *joined;
     let paths: Vec<Option<Element>> =
-        placed.iter().map(|place| element(&links[place.link], place)).collect();
+        placed.iter().map(|place| element(&links.at(place.link), place)).collect();
     let crossings = all_crossings(&paths, joints);
     let trimmer = Trimmer {
         walls,
@@ -214,12 +214,12 @@ impl Trimmer<'_> {
         let piece = next.map_or(Some(path), |next| path.before(next));
         let Some(piece) = piece.and_then(|piece| piece.after(along)) else { return true };
         let Joined { links, placed, .. } = *self.joined;
-        let run = placed[index..].iter().find_map(|place| match links[place.link].role {
+        let run = placed[index..].iter().find_map(|place| match links.role(place.link) {
             Role::Run(run) => Some(run),
             _ => None,
         });
         let Some(run) = run else { return true };
-        let link = &links[placed[index].link];
+        let link = &links.at(placed[index].link);
         let limit = link.d_in_mm.abs().min(link.d_out_mm.abs()) - GOUGE_MM;
         let pass = self.walls.pass(run);
         let counts = |into| self.walls.pass(into) == pass;

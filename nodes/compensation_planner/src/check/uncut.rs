@@ -12,6 +12,7 @@ use crate::geometry::frame::{height, in_work};
 use crate::geometry::tessellate;
 use crate::geometry::tolerance::LENGTH_MM;
 use crate::span::chain::{ChainLink, Placed, Role};
+use crate::span::links::Links;
 use crate::span::{Run, Span};
 use cnc_msgs::calls::Call;
 use cnc_msgs::contour::Source;
@@ -87,30 +88,30 @@ pub(crate) fn regions(
 fn region(
     span: &Span<'_>,
     runs: &[Run],
-    (links, placed): (&[ChainLink], &[Placed]),
+    (links, placed): (Links<'_>, &[Placed]),
     index: Option<usize>,
 ) -> Option<UncutRegion> {
     let before = index.and_then(|index| placed.get(index));
     let after = placed.get(index.map_or(0, |index| index + 1));
     let joint = before.map(|place| place.end).or(after.map(|place| place.start))?;
-    let between = &links
-        [before.map_or(0, |place| place.link + 1)..after.map_or(links.len(), |place| place.link)];
+    let from = before.map_or(0, |place| place.link + 1);
+    let between = links.range(from, after.map_or(links.len(), |place| place.link));
     let mut touched: Vec<usize> = Vec::new();
     let mut outline: Vec<Element> = Vec::new();
     let mut feet = [None; 2];
     if let Some(place) = before {
-        let (foot, rest) = split(&links[place.link], joint);
+        let (foot, rest) = split(&links.at(place.link), joint);
         feet[0] = foot;
         outline.extend(rest.1);
-        touched.extend(run_of(&links[place.link]));
+        touched.extend(run_of(&links.at(place.link)));
     }
-    let left_out: Vec<usize> = between.iter().filter_map(run_of).collect();
+    let left_out: Vec<usize> = between.iter().filter_map(|link| run_of(&link)).collect();
     outline.extend(left_out.iter().map(|&run| runs[run].element));
     if let Some(place) = after {
-        let (foot, rest) = split(&links[place.link], joint);
+        let (foot, rest) = split(&links.at(place.link), joint);
         feet[1] = foot;
         outline.extend(rest.0);
-        touched.extend(run_of(&links[place.link]));
+        touched.extend(run_of(&links.at(place.link)));
     }
     let (first, last) = (outline.first()?.start(), outline.last()?.end());
     let tool = match feet {

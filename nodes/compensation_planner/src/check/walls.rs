@@ -13,7 +13,8 @@ use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, MERGE_MM};
 use crate::geometry::tree::{FLAT_MAX, Tree};
 use crate::span::Run;
-use crate::span::chain::{ChainLink, Placed, Role};
+use crate::span::chain::{Placed, Role};
+use crate::span::links::Links;
 use cnc_msgs::finding::Severity;
 use cnc_msgs::profile::Strictness;
 use std::borrow::Cow;
@@ -58,23 +59,23 @@ struct Pass {
 
 impl<'a> Walls<'a> {
     /// The walls of the runs that the tool follows, by `links` and `placed`; others are not judged.
-    pub(crate) fn new(runs: &'a [Run], links: &[ChainLink], placed: &[Placed]) -> Self {
+    pub(crate) fn new(runs: &'a [Run], links: Links<'_>, placed: &[Placed]) -> Self {
         Self::with(runs, links, placed, false)
     }
 
     /// The same, with the runs that the tool does not follow.
-    pub(crate) fn all(runs: &'a [Run], links: &[ChainLink], placed: &[Placed]) -> Self {
+    pub(crate) fn all(runs: &'a [Run], links: Links<'_>, placed: &[Placed]) -> Self {
         Self::with(runs, links, placed, true)
     }
 
-    fn with(runs: &'a [Run], links: &[ChainLink], placed: &[Placed], judges_all: bool) -> Self {
+    fn with(runs: &'a [Run], links: Links<'_>, placed: &[Placed], judges_all: bool) -> Self {
         let mut chains = vec![NO_CHAIN; runs.len()];
         let mut is_judged = vec![false; runs.len()];
         let mut next = 0;
         let mut chain = Chains::new();
         let mut d_mm = None;
         for place in placed {
-            let link = &links[place.link];
+            let link = &links.at(place.link);
             let Role::Run(run) = link.role else { continue };
             // Across a gap anything may happen.
             let is_across = judges_all && run != next;
@@ -352,6 +353,7 @@ impl Pass {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::span::links::ChainLinks;
 
     fn runs(points: &[[f64; 2]]) -> Vec<Run> {
         let element = |ends: &[[f64; 2]]| {
@@ -371,7 +373,7 @@ mod tests {
     /// Start and end of the wall of each run.
     fn walls(points: &[[f64; 2]]) -> Vec<Option<[[f64; 2]; 2]>> {
         let runs = runs(points);
-        let walls = Walls::new(&runs, &[], &[]);
+        let walls = Walls::new(&runs, ChainLinks::default().of(&runs), &[]);
         let ends = |wall: Element| [wall.start(), wall.end()].map(|point| [point.x, point.y]);
         (0..runs.len()).map(|run| walls.of(run).map(ends)).collect()
     }
@@ -412,7 +414,7 @@ mod tests {
         let points =
             [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 0.0]];
         let runs = runs(&points);
-        let walls = Walls::new(&runs, &[], &[]);
+        let walls = Walls::new(&runs, ChainLinks::default().of(&runs), &[]);
         let passes: Vec<usize> = (0..6).map(|run| walls.pass(run)).collect();
         assert_eq!(passes, [0, 0, 0, 1, 1, 1]);
         assert!(walls.close_on(2, 0) && !walls.close_on(1, 0) && !walls.close_on(2, 3));

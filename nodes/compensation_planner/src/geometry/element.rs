@@ -112,10 +112,15 @@ impl Element {
     /// The corner between two unit tangents as an arc of radius 0 that the tool
     /// at `d_mm` runs around.
     pub(crate) fn corner(at: Vec2, before: Vec2, after: Vec2, d_mm: f64) -> Self {
-        let side = d_mm.signum();
-        let (from, to) = (left(before) * side, left(after) * side);
         // At a reversal, the rounding of the cross product must not make a whole turn.
         let sweep = cross(before, after).abs().atan2(before.dot(&after));
+        Self::bend(at, (before, after), d_mm, sweep)
+    }
+
+    /// The same of a known sweep, rad.
+    pub(crate) fn bend(at: Vec2, (before, after): (Vec2, Vec2), d_mm: f64, sweep: f64) -> Self {
+        let side = d_mm.signum();
+        let (from, to) = (left(before) * side, left(after) * side);
         Self::Arc(Arc { center: at, radius: 0.0, turn: -side, from, to, sweep })
     }
 

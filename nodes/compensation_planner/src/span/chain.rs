@@ -11,6 +11,8 @@ use crate::geometry::intersect::{Meeting, meet, meet_across};
 use crate::geometry::tolerance::{
     FLAT_MM, LENGTH_MM, MERGE_MM, SHORT_CORNER_MM, SMALL_TURN_RAD, TANGENT_RAD,
 };
+use crate::span::links::{ChainLinks, Links};
+
 /// What a link of the chain is made from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Role {
@@ -104,47 +106,61 @@ pub(crate) fn line_corner(at: Vec2, before: Vec2, after: Vec2, d_mm: f64) -> Vec
     at + (na + nb) * (d_mm / (1.0 + na.dot(&nb)))
 }
 
-/// Appends a link and, where the contour turns away from the tool, the corner before it.
-///
-/// Corners with arcs whose ends are nearer than `short_mm` get none.
-pub(crate) fn push(
-    links: &mut Vec<ChainLink>,
-    mut link: ChainLink,
-    next_leg: usize,
+/// A chain that is being made.
+#[derive(Debug)]
+pub(crate) struct ChainBuilder {
+    links: ChainLinks,
+    last: Option<ChainLink>,
+    /// Corners with arcs whose ends are nearer than this get none, mm.
     short_mm: f64,
-) {
-    if let Some(before) = links.last() {
-        let changes_side = before.d_out_mm * link.d_in_mm < 0.0;
-        match turn(&before.element, &link.element, link.d_in_mm) {
-            // Both sides meet at the intersection of their offsets (O02).
-            _ if changes_side => {}
-            Turn::Inside => {}
-            Turn::Tangent => link.is_smooth = true,
-            Turn::Outside if is_short(before, &link, short_mm) => link.is_lengthened = true,
-            Turn::Outside => {
-                let element = Element::corner(
-                    link.element.start(),
-                    before.element.end_tangent(),
-                    link.element.start_tangent(),
-                    link.d_in_mm,
-                );
-                let (d_in_mm, d_out_mm) = (link.d_in_mm, link.d_in_mm);
-                let role = Role::Corner { next_leg };
-                let is_lengthened = false;
-                links.push(ChainLink {
-                    role,
-                    element,
-                    d_in_mm,
-                    d_out_mm,
-                    is_smooth: true,
-                    straight_mm: 0.0,
-                    is_lengthened,
-                });
-                link.is_smooth = true;
+}
+
+impl ChainBuilder {
+    /// For so many runs, whose radii are multiplied by `scale`.
+    pub(crate) fn new(runs: usize, scale: f64, short_mm: f64) -> Self {
+        Self { links: ChainLinks::new(runs, scale), last: None, short_mm }
+    }
+
+    /// Appends a link and, where the contour turns away from the tool, the corner before it.
+    pub(crate) fn push(&mut self, mut link: ChainLink, next_leg: usize) {
+        if let Some(before) = &self.last {
+            let changes_side = before.d_out_mm * link.d_in_mm < 0.0;
+            match turn(&before.element, &link.element, link.d_in_mm) {
+                // Both sides meet at the intersection of their offsets (O02).
+                _ if changes_side => {}
+                Turn::Inside => {}
+                Turn::Tangent => link.is_smooth = true,
+                Turn::Outside if is_short(before, &link, self.short_mm) => {
+                    link.is_lengthened = true;
+                }
+                Turn::Outside => {
+                    let element = Element::corner(
+                        link.element.start(),
+                        before.element.end_tangent(),
+                        link.element.start_tangent(),
+                        link.d_in_mm,
+                    );
+                    self.links.push(&ChainLink {
+                        role: Role::Corner { next_leg },
+                        element,
+                        d_in_mm: link.d_in_mm,
+                        d_out_mm: link.d_in_mm,
+                        is_smooth: true,
+                        straight_mm: 0.0,
+                        is_lengthened: false,
+                    });
+                    link.is_smooth = true;
+                }
             }
         }
+        self.links.push(&link);
+        self.last = Some(link);
     }
-    links.push(link);
+
+    /// The whole chain.
+    pub(crate) fn finish(self) -> ChainLinks {
+        self.links
+    }
 }
 
 /// The distance between the ends of the offsets at an outside corner, mm (S68: A and C).
@@ -174,27 +190,27 @@ fn is_short(before: &ChainLink, link: &ChainLink, short_mm: f64) -> bool {
 /// `slack` is how far elements that were not neighbours in the program may miss each other, mm. If
 /// two neighbours in the result have indices that are not consecutive, they have consumed what lies
 /// between.
-pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
+pub(crate) fn join(links: Links<'_>, slack: f64) -> Vec<Placed> {
     let mut placed: Vec<Placed> = Vec::with_capacity(links.len());
     for (index, link) in links.iter().enumerate() {
         let Some(ahead) = link.element.offset(link.d_in_mm) else { continue };
-        let room = length(link, &ahead);
+        let room = length(&link, &ahead);
         loop {
             let Some(top) = placed.last_mut() else {
-                let end = end_of(link, &ahead);
+                let end = end_of(&link, &ahead);
                 let start = ahead.start();
                 placed.push(Placed { link: index, start, end, trim_in: 0.0, trim_out: 0.0 });
                 break;
             };
-            let last = &links[top.link];
+            let last = &links.at(top.link);
             let is_neighbour = top.link + 1 == index;
             let ending = last.element.offset(last.d_out_mm);
             let meeting = ending.and_then(|ending| {
-                joint(last, &ending, link, &ahead, is_neighbour, slack)
+                joint(last, &ending, &link, &ahead, is_neighbour, slack)
                     .map(|meeting| (meeting, length(last, &ending)))
             });
             let Some((meeting, top_room)) = meeting else {
-                if is_smaller(last, link) {
+                if is_smaller(last, &link) {
                     placed.pop();
                     continue;
                 }
@@ -218,7 +234,7 @@ pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
             placed.push(Placed {
                 link: index,
                 start: meeting.point,
-                end: end_of(link, &ahead),
+                end: end_of(&link, &ahead),
                 trim_in: meeting.trim_b,
                 trim_out: 0.0,
             });
@@ -227,7 +243,7 @@ pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
     }
     // The last one ends untrimmed, even if something after it was tried.
     if let Some(last) = placed.last_mut() {
-        let link = &links[last.link];
+        let link = &links.at(last.link);
         if let Some(element) = link.element.offset(link.d_out_mm) {
             last.end = element.end();
             last.trim_out = 0.0;
@@ -239,24 +255,26 @@ pub(crate) fn join(links: &[ChainLink], slack: f64) -> Vec<Placed> {
 
 /// Consumes chords at the free ends of a contour that are noise next to a line: the tool follows
 /// the line as far as they go.
-fn lengthen_ends(links: &[ChainLink], placed: &mut [Placed], slack: f64) {
-    let (Some(very_first), Some(very_last)) = (links.first(), links.last()) else { return };
+fn lengthen_ends(links: Links<'_>, placed: &mut [Placed], slack: f64) {
+    let mut ends = links.iter();
+    let Some(very_first) = ends.next() else { return };
+    let very_last = ends.next_back().unwrap_or(very_first);
     let is_run = |link: &ChainLink| matches!(link.role, Role::Run(_));
     if let Some(last) = placed.last_mut().filter(|last| last.link + 1 < links.len())
-        && is_run(very_last)
-        && let Some(along) = along_line(&links[last.link], very_last.element.end(), slack)
+        && is_run(&very_last)
+        && let Some(along) = along_line(&links.at(last.link), very_last.element.end(), slack)
         && let Some(Element::Line(line)) =
-            links[last.link].element.offset(links[last.link].d_out_mm)
+            links.at(last.link).element.offset(links.at(last.link).d_out_mm)
         && along > line.length
     {
         last.end = line.start + line.tangent * along;
         last.trim_out = line.length - along;
     }
     if let Some(first) = placed.first_mut().filter(|first| first.link > 0)
-        && is_run(very_first)
-        && let Some(along) = along_line(&links[first.link], very_first.element.start(), slack)
+        && is_run(&very_first)
+        && let Some(along) = along_line(&links.at(first.link), very_first.element.start(), slack)
         && let Some(Element::Line(line)) =
-            links[first.link].element.offset(links[first.link].d_in_mm)
+            links.at(first.link).element.offset(links.at(first.link).d_in_mm)
         && along < 0.0
     {
         first.start = line.start + line.tangent * along;

@@ -6,7 +6,8 @@
 use crate::geometry::element::Element;
 use crate::geometry::frame::in_plane;
 use crate::geometry::tolerance::REVERSAL;
-use crate::span::chain::{ChainLink, Role, Turn, push, turn};
+use crate::span::chain::{ChainBuilder, ChainLink, Role, Turn, turn};
+use crate::span::links::ChainLinks;
 use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::Approach;
 use cnc_msgs::profile::{Profile, SelectTarget};
@@ -18,8 +19,9 @@ pub(crate) fn links(
     exit: Option<&Lead>,
     profile: &Profile,
     scale: f64,
-) -> Vec<ChainLink> {
-    let mut links = Vec::with_capacity(runs.len() * 2 + 2);
+) -> ChainLinks {
+    let short_mm = profile.corner.short_block_mm;
+    let mut links = ChainBuilder::new(runs.len(), scale, short_mm);
     let d_mm = span.d_mm * scale;
     let first = runs.first().map(|run| run.element);
     let joins_on = |lead: &Element| match profile.select.target {
@@ -33,34 +35,31 @@ pub(crate) fn links(
     };
     if let Some(from) = span.entry.from {
         let d_mm = from.d_mm * scale;
-        links.push(link(Role::Entry, from.element, d_mm, d_mm));
+        links.push(link(Role::Entry, from.element, d_mm, d_mm), 0);
     } else if let Some(element) = line_of(&span.entry.lead, span).filter(joins_on) {
-        links.push(link(Role::Entry, element, d_mm, d_mm));
+        links.push(link(Role::Entry, element, d_mm, d_mm), 0);
     }
-    let short_mm = profile.corner.short_block_mm;
-    push_runs(&mut links, runs, scale, short_mm);
+    push_runs(&mut links, runs, scale);
     if let Some(next) = span.next {
         let d_mm = next.d_mm * scale;
-        push(&mut links, link(Role::Exit, next.element, d_mm, d_mm), span.legs.len(), short_mm);
+        links.push(link(Role::Exit, next.element, d_mm, d_mm), span.legs.len());
     } else if let (Some(lead), Some(last)) = (exit, runs.last()) {
         let d_mm = span.d_out_mm * scale;
         let joins_off = |element: &Element| {
             lead.approach == Approach::Corner && turn(&last.element, element, d_mm) == Turn::Outside
         };
         if let Some(element) = line_of(lead, span).filter(joins_off) {
-            let exit = link(Role::Exit, element, d_mm, d_mm);
-            push(&mut links, exit, span.legs.len(), short_mm);
+            links.push(link(Role::Exit, element, d_mm, d_mm), span.legs.len());
         }
     }
-    links
+    links.finish()
 }
 
 /// Runs and the corners between them, with all radii scaled.
-pub(crate) fn push_runs(links: &mut Vec<ChainLink>, runs: &[Run], scale: f64, short_mm: f64) {
+pub(crate) fn push_runs(links: &mut ChainBuilder, runs: &[Run], scale: f64) {
     for (index, run) in runs.iter().enumerate() {
-        let role = Role::Run(index);
-        let link = link(role, run.element, run.d_in_mm * scale, run.d_out_mm * scale);
-        push(links, link, run.legs.start, short_mm);
+        let (d_in_mm, d_out_mm) = (run.d_in_mm * scale, run.d_out_mm * scale);
+        links.push(link(Role::Run(index), run.element, d_in_mm, d_out_mm), run.legs.start);
     }
 }
 

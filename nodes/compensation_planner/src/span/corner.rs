@@ -10,6 +10,7 @@ use crate::geometry::intersect::crossings;
 use crate::geometry::tolerance::{LENGTH_MM, REVERSAL};
 use crate::span::Span;
 use crate::span::chain::{ChainLink, Placed, Role, gap, line_corner};
+use crate::span::links::Links;
 use cnc_msgs::contour::OutsideCorner;
 use std::f64::consts::{PI, TAU};
 
@@ -71,32 +72,25 @@ impl Corners<'_> {
     }
 
     /// The shape of what is placed there; a corner that was cut short stays an arc.
-    pub(crate) fn around(&self, links: &[ChainLink], placed: &[Placed], index: usize) -> Around {
+    pub(crate) fn around(&self, links: Links<'_>, placed: &[Placed], index: usize) -> Around {
         let place = &placed[index];
-        let ChainLink {
-            role: Role::Corner { next_leg }, element: Element::Arc(arc), d_in_mm, ..
-        } = links[place.link]
-        else {
-            return Around::Arc;
-        };
+        let Role::Corner { next_leg } = links.role(place.link) else { return Around::Arc };
         let mode = self.mode(next_leg);
         if mode == OutsideCorner::Arc || place.trim_in > 0.0 || place.trim_out > 0.0 {
             return Around::Arc;
         }
+        let ChainLink { element: Element::Arc(arc), d_in_mm, .. } = links.at(place.link) else {
+            return Around::Arc;
+        };
         let Some((before, after)) = neighbours(links, placed, index) else { return Around::Arc };
         let is_short = !before.is_line()
             && !after.is_line()
             && gap(arc.from, arc.to, d_in_mm) < 2.0 * self.short_mm;
-        if is_short { Around::Arc } else { around(mode, &arc, (before, after), d_in_mm) }
+        if is_short { Around::Arc } else { around(mode, &arc, (&before, &after), d_in_mm) }
     }
 
     /// The lines around what is placed there, if it is a corner that has them.
-    pub(crate) fn lines(
-        &self,
-        links: &[ChainLink],
-        placed: &[Placed],
-        index: usize,
-    ) -> Option<Lines> {
+    pub(crate) fn lines(&self, links: Links<'_>, placed: &[Placed], index: usize) -> Option<Lines> {
         placed.get(index)?;
         match self.around(links, placed, index) {
             Around::Lines(lines) => Some(lines),
@@ -108,13 +102,13 @@ impl Corners<'_> {
     /// lengthened.
     pub(crate) fn pieces(
         &self,
-        links: &[ChainLink],
+        links: Links<'_>,
         placed: &[Placed],
         index: usize,
     ) -> Option<[Option<Element>; PIECES]> {
         let lines = self.lines(links, placed, index)?;
         let (before, after) = neighbours(links, placed, index)?;
-        let d_mm = links[placed[index].link].d_in_mm;
+        let d_mm = links.at(placed[index].link).d_in_mm;
         // A merged run ends a hair off the corner; that must not become a whole turn.
         let on = |element: &Element, longer: f64, from: Vec2, to: Vec2| match element.offset(d_mm) {
             Some(Element::Arc(arc)) if longer > LENGTH_MM => {
@@ -124,12 +118,12 @@ impl Corners<'_> {
         };
         let mut pieces = [None; PIECES];
         let mut at = lines.before_end;
-        pieces[0] = on(before, lines.before_longer, placed[index].start, at);
+        pieces[0] = on(&before, lines.before_longer, placed[index].start, at);
         for (piece, &point) in pieces[1..].iter_mut().zip(lines.points()) {
             *piece = Element::line(at, point);
             at = point;
         }
-        pieces[PIECES - 1] = on(after, lines.after_longer, at, placed[index].end);
+        pieces[PIECES - 1] = on(&after, lines.after_longer, at, placed[index].end);
         Some(pieces)
     }
 }
@@ -138,16 +132,12 @@ impl Corners<'_> {
 pub(crate) const PIECES: usize = 5;
 
 /// The elements that a corner joins, if both still exist.
-fn neighbours<'a>(
-    links: &'a [ChainLink],
-    placed: &[Placed],
-    index: usize,
-) -> Option<(&'a Element, &'a Element)> {
+fn neighbours(links: Links<'_>, placed: &[Placed], index: usize) -> Option<(Element, Element)> {
     let link = placed[index].link;
     let before = placed.get(index.checked_sub(1)?)?.link;
     let after = placed.get(index + 1)?.link;
     (before + 1 == link && link + 1 == after)
-        .then(|| (&links[before].element, &links[after].element))
+        .then(|| (links.at(before).element, links.at(after).element))
 }
 
 /// Shapes the corner that `corner` stands for: an arc of radius 0 about it.

@@ -14,10 +14,11 @@ use crate::check::walls::{Layout, Walls};
 use crate::geometry::bounds::Bounds;
 use crate::geometry::frame::{height, in_plane, plane_axes};
 use crate::geometry::tolerance::{GOUGE_MM, MERGE_MM, RADIUS_MM};
-use crate::span::chain::{ChainLink, Placed, Role as LinkRole, join};
+use crate::span::chain::{Placed, Role as LinkRole, join};
 use crate::span::chain_links::links;
 use crate::span::corner::Corners;
 use crate::span::feed;
+use crate::span::links::{ChainLinks, Links};
 use crate::span::runs::runs;
 use crate::span::{Lead, Run, Span};
 use crate::walk::emitter::{Emitter, Label};
@@ -70,7 +71,7 @@ impl SpanReport {
 #[derive(Debug)]
 pub(crate) struct Solution {
     runs: Vec<Run>,
-    links: Vec<ChainLink>,
+    links: ChainLinks,
     placed: Vec<Placed>,
     layout: Layout,
     is_identity: bool,
@@ -102,7 +103,7 @@ pub(crate) fn solve(span: &mut Span<'_>, exit: &Exit, profile: &Profile) -> Solu
     let tolerance = profile.accept_tolerance_mm;
     let mut straight_mm = MERGE_MM;
     let mut chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
-    if is_any_unreachable(&chain.links, &chain.placed, tolerance) {
+    if is_any_unreachable(chain.links(), &chain.placed, tolerance) {
         // Rounded coordinates bend short chords so much that the tool loses them, and break
         // straight walls. Straightened within the accepted tolerance, the contour shows what is
         // really too narrow.
@@ -112,7 +113,7 @@ pub(crate) fn solve(span: &mut Span<'_>, exit: &Exit, profile: &Profile) -> Solu
         chain.measure_straights(&exact);
         unreachable_places(span, &chain, profile, findings);
         if profile.interference.react == Reaction::Trim
-            && is_any_unreachable(&chain.links, &chain.placed, tolerance)
+            && is_any_unreachable(chain.links(), &chain.placed, tolerance)
         {
             // What is cut in spite of that has to be exact.
             straight_mm = MERGE_MM;
@@ -125,19 +126,20 @@ pub(crate) fn solve(span: &mut Span<'_>, exit: &Exit, profile: &Profile) -> Solu
         straight.measure_straights(&chain.runs);
         let (other_layout, other_cuts) = straight.cuts(span, profile);
         if other_cuts.cuts.len() < cuts.cuts.len()
-            && !is_any_unreachable(&straight.links, &straight.placed, tolerance)
+            && !is_any_unreachable(straight.links(), &straight.placed, tolerance)
         {
             (chain, layout, cuts) = (straight, other_layout, other_cuts);
         } else {
             chain = Chain::new(span, straight_mm, exit.lead(), is_identity, profile);
         }
     }
-    let Chain { runs, links, mut placed } = chain;
-    for skipped in reach::skipped_by_leads(&links, &placed, tolerance) {
+    let Chain { runs, links: own_links, mut placed } = chain;
+    let links = own_links.of(&runs);
+    for skipped in reach::skipped_by_leads(links, &placed, tolerance) {
         findings.push(finding::skipped_by_lead(span, &runs, &skipped, exit.lead()));
     }
     let corners = Corners { span, short_mm: profile.corner.short_block_mm };
-    let joined = Joined { links: &links, placed: &placed, corners };
+    let joined = Joined { links, placed: &placed, corners };
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
         findings.push(finding::cut(span, &runs, cut, profile));
     }
@@ -145,15 +147,15 @@ pub(crate) fn solve(span: &mut Span<'_>, exit: &Exit, profile: &Profile) -> Solu
         findings.push(finding::too_entangled(span));
     }
     if profile.interference.react == Reaction::Trim
-        && (!cuts.cuts.is_empty() || reach::left_out(&links, &placed, tolerance).next().is_some())
+        && (!cuts.cuts.is_empty() || reach::left_out(links, &placed, tolerance).next().is_some())
     {
         let rule = profile.interference.at_closing;
-        let walls = Walls::all(&runs, &links, &placed).forgiving_closing(rule);
+        let walls = Walls::all(&runs, links, &placed).forgiving_closing(rule);
         let trimmed = trim(&walls, &joined, tolerance);
         for cut in &trimmed.cuts {
             findings.push(finding::not_trimmed(span, &runs, cut, profile));
         }
-        if !trimmed.placed.iter().any(|p| matches!(links[p.link].role, LinkRole::Run(_))) {
+        if !trimmed.placed.iter().any(|p| matches!(links.role(p.link), LinkRole::Run(_))) {
             findings.push(finding::nothing_left(span));
         }
         let joined = Joined { placed: &trimmed.placed, ..joined };
@@ -161,6 +163,7 @@ pub(crate) fn solve(span: &mut Span<'_>, exit: &Exit, profile: &Profile) -> Solu
         placed = trimmed.placed;
         layout = walls.into_layout();
     }
+    let links = own_links;
     Solution { runs, links, placed, layout, is_identity, report, leads: [None; 2] }
 }
 
@@ -177,6 +180,7 @@ impl Solution {
         report: &mut SpanReport,
     ) -> Option<PreviousWall> {
         let Self { runs, links, placed, layout, is_identity, report: own, leads } = self;
+        let (runs, links) = (&*runs, links.of(runs));
         report.extend(std::mem::take(own));
         let findings = &mut report.findings;
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
@@ -216,16 +220,17 @@ impl Solution {
             leads[0] = Some((span.d_mm.abs().min(from_mm), path));
         }
         let path_of = |run: usize| {
-            let place = placed.iter().find(|place| links[place.link].role == LinkRole::Run(run))?;
-            interference::lengthened(&links[place.link], place)
+            let place = placed.iter().find(|place| links.role(place.link) == LinkRole::Run(run))?;
+            interference::lengthened(&links.at(place.link), place)
         };
         if let (Some(wall), Some(_)) = (previous_wall, span.entry.from) {
             check.change_of_side(span, path_of(0), wall);
         }
         for (at_end, other_side) in [(false, span.entry.from), (true, span.next)] {
             let run = if at_end { runs.len() - 1 } else { 0 };
-            let place = placed.iter().find(|it| links[it.link].role == LinkRole::Run(run));
-            let beyond = |place: &Placed| interference::beyond(&links[place.link], place, at_end);
+            let place = placed.iter().find(|it| links.role(it.link) == LinkRole::Run(run));
+            let beyond =
+                |place: &Placed| interference::beyond(&links.at(place.link), place, at_end);
             if let Some(path) = place.filter(|_| other_side.is_some()).and_then(beyond) {
                 check.beyond(span, runs, &path, run);
             }
@@ -263,7 +268,7 @@ impl Solution {
     /// The tool path between the leads.
     pub(crate) fn joined<'a>(&'a self, span: &'a Span<'_>, profile: &Profile) -> Joined<'a> {
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
-        Joined { links: &self.links, placed: &self.placed, corners }
+        Joined { links: self.links.of(&self.runs), placed: &self.placed, corners }
     }
 
     /// A box around the tool path and its leads, and the greatest radius, mm. `None` where the tool
@@ -271,7 +276,7 @@ impl Solution {
     pub(crate) fn bounds(&self, span: &Span<'_>, profile: &Profile) -> Option<(Bounds, f64)> {
         let Joined { links, placed, corners } = self.joined(span, profile);
         let has_lines = |index: usize| {
-            matches!(links[placed[index].link].role, LinkRole::Corner { .. })
+            matches!(links.role(placed[index].link), LinkRole::Corner { .. })
                 && corners.lines(links, placed, index).is_some()
         };
         if (0..placed.len()).any(has_lines) {
@@ -308,10 +313,11 @@ impl Solution {
 /// Reports what the tool does not reach.
 fn unreachable_places(
     span: &Span<'_>,
-    Chain { runs, links, placed }: &Chain,
+    chain: &Chain,
     profile: &Profile,
     findings: &mut Vec<Finding>,
 ) {
+    let (runs, links, placed) = (&chain.runs, chain.links(), &chain.placed);
     let mut places = unreachable(links, placed, profile.accept_tolerance_mm);
     for place in places.by_ref().take(FINDINGS_MAX) {
         findings.push(finding::unreachable(span, runs, &place, profile));
@@ -324,7 +330,7 @@ fn unreachable_places(
 /// The runs of a span, joined.
 struct Chain {
     runs: Vec<Run>,
-    links: Vec<ChainLink>,
+    links: ChainLinks,
     placed: Vec<Placed>,
 }
 
@@ -338,14 +344,21 @@ impl Chain {
         profile: &Profile,
     ) -> Self {
         let runs = runs(span, straight_mm.max(MERGE_MM));
-        let links = if is_identity { Vec::new() } else { links(span, &runs, exit, profile, 1.0) };
-        let placed = join(&links, profile.accept_tolerance_mm);
+        let links = match is_identity {
+            true => ChainLinks::default(),
+            false => links(span, &runs, exit, profile, 1.0),
+        };
+        let placed = join(links.of(&runs), profile.accept_tolerance_mm);
         Self { runs, links, placed }
+    }
+
+    fn links(&self) -> Links<'_> {
+        self.links.of(&self.runs)
     }
 
     /// Where the tool cuts into walls, and what bounds it.
     fn cuts(&self, span: &Span<'_>, profile: &Profile) -> (Layout, Cuts) {
-        let Self { runs, links, placed } = self;
+        let (runs, links, placed) = (&self.runs, self.links(), &self.placed);
         let corners = Corners { span, short_mm: profile.corner.short_block_mm };
         let joined = Joined { links, placed, corners };
         let rule = profile.interference.at_closing;
@@ -364,17 +377,18 @@ impl Chain {
     /// Measures the straights of runs in the exact runs that they were merged from.
     fn measure_straights(&mut self, exact: &[Run]) {
         let mut next = 0;
-        for link in &mut self.links {
-            let LinkRole::Run(run) = link.role else { continue };
-            let end = self.runs[run].legs.end;
-            link.straight_mm = 0.0;
+        let runs = &self.runs;
+        self.links.measure_straights(|run| {
+            let end = runs[run].legs.end;
+            let mut straight_mm = 0.0_f32;
             while let Some(part) = exact.get(next).filter(|part| part.legs.end <= end) {
                 if part.element.is_line() {
-                    link.straight_mm = link.straight_mm.max(part.element.length() as f32);
+                    straight_mm = straight_mm.max(part.element.length() as f32);
                 }
                 next += 1;
             }
-        }
+            straight_mm
+        });
     }
 }
 

@@ -10,7 +10,7 @@ use crate::check::reach::is_any_unreachable;
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::intersect::{Meeting, meet_across};
 use crate::geometry::tolerance::{FAR_CORNER_RADII, LENGTH_MM, MERGE_MM};
-use crate::span::chain::{ChainLink, Role, join, push};
+use crate::span::chain::{ChainBuilder, Role, join};
 use crate::span::chain_links;
 use crate::span::runs::{first_runs, last_runs};
 use crate::span::{AtChange, Lead, OtherSide, Run, Span};
@@ -234,12 +234,15 @@ impl Change {
 /// Where the second run begins after a change of side, if the first is dropped within the accepted
 /// tolerance.
 fn after_noise(from: &OtherSide, runs: &[Run], (short_mm, slack): (f64, f64)) -> Option<Vec2> {
-    let mut links = vec![chain_links::link(Role::Entry, from.element, from.d_mm, from.d_mm)];
-    chain_links::push_runs(&mut links, runs, 1.0, short_mm);
-    let placed = join(&links, slack);
-    let first = placed.iter().find(|place| matches!(links[place.link].role, Role::Run(_)))?;
-    let is_second = links[first.link].role == Role::Run(1);
-    (is_second && !is_any_unreachable(&links, &placed, slack)).then_some(first.start)
+    let mut links = ChainBuilder::new(runs.len(), 1.0, short_mm);
+    links.push(chain_links::link(Role::Entry, from.element, from.d_mm, from.d_mm), 0);
+    chain_links::push_runs(&mut links, runs, 1.0);
+    let links = links.finish();
+    let links = links.of(runs);
+    let placed = join(links, slack);
+    let first = placed.iter().find(|place| matches!(links.role(place.link), Role::Run(_)))?;
+    let is_second = links.role(first.link) == Role::Run(1);
+    (is_second && !is_any_unreachable(links, &placed, slack)).then_some(first.start)
 }
 
 /// Whether something is left of each run next to a change of side.
@@ -250,13 +253,14 @@ fn is_all_reached(
     (short_mm, slack): (f64, f64),
 ) -> bool {
     let end = |role, side: &OtherSide| chain_links::link(role, side.element, side.d_mm, side.d_mm);
-    let mut links: Vec<ChainLink> = from.map(|from| end(Role::Entry, from)).into_iter().collect();
-    chain_links::push_runs(&mut links, runs, 1.0, short_mm);
-    if let Some(to) = to {
-        push(&mut links, end(Role::Exit, to), 0, short_mm);
-    }
-    let placed = join(&links, slack);
-    placed.iter().filter(|place| matches!(links[place.link].role, Role::Run(_))).count()
+    let mut links = ChainBuilder::new(runs.len(), 1.0, short_mm);
+    from.into_iter().for_each(|from| links.push(end(Role::Entry, from), 0));
+    chain_links::push_runs(&mut links, runs, 1.0);
+    to.into_iter().for_each(|to| links.push(end(Role::Exit, to), 0));
+    let links = links.finish();
+    let links = links.of(runs);
+    let placed = join(links, slack);
+    placed.iter().filter(|place| matches!(links.role(place.link), Role::Run(_))).count()
         == runs.len()
 }
 

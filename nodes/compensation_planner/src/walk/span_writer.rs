@@ -10,6 +10,7 @@ use crate::geometry::frame::{height, in_plane, in_work, plane_axes};
 use crate::geometry::tolerance::{FAR_CORNER_RADII, LENGTH_MM};
 use crate::span::chain::{ChainLink, Placed, Role as LinkRole};
 use crate::span::corner::{Around, Corners};
+use crate::span::links::Links;
 use crate::span::{ItemKind, Lead, Leg, Run, Span};
 use crate::span::{feed, feed_in_force};
 use crate::walk::compensate::side_of;
@@ -35,14 +36,14 @@ pub(crate) struct SpanWriter<'a> {
 
 impl SpanWriter<'_> {
     /// Moves to where compensation begins.
-    pub(crate) fn lead_on(&mut self, links: &[ChainLink], placed: &[Placed]) {
+    pub(crate) fn lead_on(&mut self, links: Links<'_>, placed: &[Placed]) {
         if self.span.entry.from.is_some() {
             return;
         }
         let lead = &self.span.entry.lead;
         let programmed = in_plane(self.span.plane, lead.motion.end);
         let target = match placed.first() {
-            Some(first) if links[first.link].role == LinkRole::Entry => {
+            Some(first) if links.role(first.link) == LinkRole::Entry => {
                 self.corners.lines(links, placed, 1).map_or(first.end, |lines| lines.before_end)
             }
             Some(first) => first.start,
@@ -81,14 +82,14 @@ impl SpanWriter<'_> {
     pub(crate) fn links(
         &mut self,
         runs: &[Run],
-        links: &[ChainLink],
+        links: Links<'_>,
         placed: &[Placed],
         exit: Option<&Lead>,
     ) {
         // How much the last corner lengthened the element after it.
         let mut longer_in = 0.0;
         for (index, place) in placed.iter().enumerate() {
-            let link = &links[place.link];
+            let link = &links.at(place.link);
             match link.role {
                 LinkRole::Entry | LinkRole::Exit => {}
                 LinkRole::Corner { next_leg } => {
@@ -115,7 +116,7 @@ impl SpanWriter<'_> {
         link: &ChainLink,
         place: &Placed,
         exit: Option<&Lead>,
-        context: (&[ChainLink], &[Placed], usize),
+        context: (Links<'_>, &[Placed], usize),
     ) -> f64 {
         let plane = self.span.plane;
         let (source, motion) = match (self.span.legs.get(next_leg), exit) {
@@ -156,7 +157,7 @@ impl SpanWriter<'_> {
                 if lines.after_longer > 0.0 && self.has_own_items(next_leg) {
                     // The block's own functions come at its normal point (S56).
                     let next = placed.get(index + 1).and_then(|next| {
-                        let link = &links[next.link];
+                        let link = &links.at(next.link);
                         link.element.offset(link.d_in_mm)
                     });
                     match next {
