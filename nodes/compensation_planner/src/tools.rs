@@ -2,6 +2,7 @@
 //! start, a single block or the rest of a run.
 
 pub mod mdi;
+pub(crate) mod parts;
 pub mod replan;
 pub(crate) mod restart;
 pub mod set_tool;

@@ -12,6 +12,7 @@ mod emitter;
 mod motions;
 mod other_spans;
 mod output;
+pub(crate) mod parts;
 pub(crate) mod plan;
 mod rules;
 mod span_breaks;
@@ -113,7 +114,7 @@ pub(crate) struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     pub(crate) fn new(
-        contour: &'a ProgrammedContour,
+        contour: &ProgrammedContour,
         profile: &'a Profile,
         tools: &'a ToolTable,
         workers: &'a dyn Workers,
@@ -179,6 +180,11 @@ impl<'a> Walk<'a> {
         }
     }
 
+    /// The programmed position after the events so far.
+    pub(crate) fn programmed(&self) -> Position {
+        self.programmed
+    }
+
     /// Counts a block without motion under compensation.
     fn block_between(&mut self, source: Source) {
         if let WalkState::Active(active) = &mut self.state {
@@ -189,24 +195,25 @@ impl<'a> Walk<'a> {
     /// Ends the program: its path and what was found.
     pub(crate) fn finish(mut self) -> Plan {
         self.end();
-        let (path, spans) = self.out.finish(&mut self.report);
-        self.report.findings.sort_by_key(|finding| finding.source.line);
-        let is_refused = self.report.findings.iter().any(Finding::is_error);
-        self.calls.explain(&mut self.report.findings);
-        for region in &mut self.report.uncut {
+        self.take_plan()
+    }
+
+    /// What the events since the last plan have come to.
+    fn take_plan(&mut self) -> Plan {
+        let (path, spans) = self.out.take_path(&mut self.report);
+        let SpanReport { mut findings, mut uncut } = std::mem::take(&mut self.report);
+        findings.sort_by_key(|finding| finding.source.line);
+        let is_refused = findings.iter().any(Finding::is_error);
+        self.calls.explain(&mut findings);
+        for region in &mut uncut {
             region.calls = self.calls.chain(region.first.call);
         }
-        let mut plan = Plan {
-            findings: self.report.findings,
-            spans,
-            uncut: self.report.uncut,
-            ..Plan::default()
-        };
+        let mut plan = Plan { findings, spans, uncut, ..Plan::default() };
         if is_refused {
             plan.refused = path.elements;
         } else {
             plan.path = path;
-            plan.path.calls = self.calls;
+            plan.path.calls = std::mem::take(&mut self.calls);
         }
         plan
     }

@@ -93,46 +93,83 @@ pub fn audit_after(
     tools: &ToolTable,
     said: &[Finding],
 ) -> Audit {
-    let mut report = Report::new(profile, said);
-    let mut result =
-        Audit { elements: path.elements.len(), events: path.events.len(), ..Audit::default() };
-    let is_sane = check_numbers(path, &mut report);
-    let mut tool_path = ToolPath {
-        path,
-        program: program::read(contour, profile, tools),
-        block_of: vec![program::NONE; path.elements.len()],
-        roles: Vec::with_capacity(path.elements.len()),
-        is_of_tip: profile.output == OutputPoint::Tip,
-    };
-    if is_sane && align::align(&mut tool_path, &mut report) {
-        events::check(&tool_path, profile, tools, &mut report);
-        let Spans { spans, legs } = Spans::of(&tool_path);
-        result.spans = spans.len();
-        let line = |block: u32| tool_path.program.source(block).line;
-        if runs_what_does_not_fit(profile) {
-            let misfits =
-                said.iter().filter(|said| !said.is_error() && report::is_misfit(said.code));
-            let misfits: Vec<u32> = misfits.map(|said| said.source.line).collect();
-            let lines = |span: &Span| line(span.blocks.start)..=line(span.blocks.end - 1);
-            let spans = spans.iter().map(lines);
-            report.misfits =
-                spans.filter(|span| misfits.iter().any(|line| span.contains(line))).collect();
-        }
-        let chains: Vec<Chains<'_>> =
-            spans.iter().map(|span| Chains::of(&tool_path, span, &legs)).collect();
-        for chains in &chains {
-            offsets::check(&mut tool_path, chains, &mut report);
-        }
-        for chains in &chains {
-            clearance::check(&tool_path, chains, &mut result.nearest_mm, &mut report);
-        }
-        for pair in chains.windows(2).filter(|pair| pair[1].span.from_side) {
-            clearance::check_change_of_side(&tool_path, (&pair[0], &pair[1]), &mut report);
-        }
+    Auditor::new(profile, tools).audit(contour, path, said)
+}
+
+/// Audits a contour whose parts come one after another; each part ends where nothing is compensated.
+#[derive(Debug)]
+pub struct Auditor<'a> {
+    profile: &'a Profile,
+    tools: &'a ToolTable,
+    reader: program::Reader<'a>,
+}
+
+impl<'a> Auditor<'a> {
+    /// Before the first part.
+    pub fn new(profile: &'a Profile, tools: &'a ToolTable) -> Self {
+        Self { profile, tools, reader: program::Reader::new(profile, tools) }
     }
-    result.findings = report.findings;
-    result.findings.sort_by_key(|finding| finding.source.line);
-    result
+
+    /// The rules of the control.
+    pub fn profile(&self) -> &'a Profile {
+        self.profile
+    }
+
+    /// The tools.
+    pub fn tools(&self) -> &'a ToolTable {
+        self.tools
+    }
+
+    /// Audits the path of the next part; see [`audit_after`]. Both start where the part before has
+    /// ended.
+    pub fn audit(
+        &mut self,
+        contour: &ProgrammedContour,
+        path: &CompensatedPath,
+        said: &[Finding],
+    ) -> Audit {
+        let Self { profile, tools, .. } = *self;
+        let mut report = Report::new(profile, said);
+        let mut result =
+            Audit { elements: path.elements.len(), events: path.events.len(), ..Audit::default() };
+        let is_sane = check_numbers(path, &mut report);
+        let mut tool_path = ToolPath {
+            path,
+            program: program::read(&mut self.reader, contour),
+            block_of: vec![program::NONE; path.elements.len()],
+            roles: Vec::with_capacity(path.elements.len()),
+            is_of_tip: profile.output == OutputPoint::Tip,
+        };
+        if is_sane && align::align(&mut tool_path, &mut report) {
+            events::check(&tool_path, profile, tools, &mut report);
+            let Spans { spans, legs } = Spans::of(&tool_path);
+            result.spans = spans.len();
+            let line = |block: u32| tool_path.program.source(block).line;
+            if runs_what_does_not_fit(profile) {
+                let misfits =
+                    said.iter().filter(|said| !said.is_error() && report::is_misfit(said.code));
+                let misfits: Vec<u32> = misfits.map(|said| said.source.line).collect();
+                let lines = |span: &Span| line(span.blocks.start)..=line(span.blocks.end - 1);
+                let spans = spans.iter().map(lines);
+                report.misfits =
+                    spans.filter(|span| misfits.iter().any(|line| span.contains(line))).collect();
+            }
+            let chains: Vec<Chains<'_>> =
+                spans.iter().map(|span| Chains::of(&tool_path, span, &legs)).collect();
+            for chains in &chains {
+                offsets::check(&mut tool_path, chains, &mut report);
+            }
+            for chains in &chains {
+                clearance::check(&tool_path, chains, &mut result.nearest_mm, &mut report);
+            }
+            for pair in chains.windows(2).filter(|pair| pair[1].span.from_side) {
+                clearance::check_change_of_side(&tool_path, (&pair[0], &pair[1]), &mut report);
+            }
+        }
+        result.findings = report.findings;
+        result.findings.sort_by_key(|finding| finding.source.line);
+        result
+    }
 }
 
 /// Checks that all numbers are finite; also reports elements of no length.

@@ -103,6 +103,8 @@ pub(crate) struct Interpreter<'r> {
     /// running, and whether the end of the subroutine restores them.
     saved: Vec<Option<(SavedState, bool)>>,
     contour: ProgrammedContour,
+    /// Events that the contour has no more.
+    taken: usize,
     bounds: Bounds,
     /// Tools of M61.
     named_tools: Vec<(u32, Source)>,
@@ -149,6 +151,7 @@ impl<'r> Interpreter<'r> {
             called: None,
             saved: vec![None],
             contour,
+            taken: 0,
             bounds: Bounds::default(),
             named_tools: Vec::new(),
             tool_entries: ToolEntries::new(),
@@ -168,12 +171,31 @@ impl<'r> Interpreter<'r> {
 
     /// What has been done so far, in plain moves: a piece of a curve takes as long as several.
     pub(crate) fn work(&self) -> u64 {
-        self.event_count() as u64 + self.curve_work
+        self.all_event_count() as u64 + self.curve_work
+    }
+
+    /// Events of the contour so far, without those that were taken.
+    #[inline]
+    pub(crate) fn event_count(&self) -> usize {
+        self.contour.events.len()
     }
 
     /// Events so far.
-    pub(crate) fn event_count(&self) -> usize {
-        self.contour.events.len()
+    fn all_event_count(&self) -> usize {
+        self.taken + self.contour.events.len()
+    }
+
+    /// Whether compensation is selected.
+    #[inline]
+    pub(crate) fn is_compensating(&self) -> bool {
+        self.modal.compensation.is_selected()
+    }
+
+    /// Offers the events so far.
+    pub(crate) fn give(&mut self, take: &mut dyn FnMut(&mut ProgrammedContour)) {
+        let count = self.contour.events.len();
+        take(&mut self.contour);
+        self.taken += count - self.contour.events.len();
     }
 
     /// Shows a text to the operator here.

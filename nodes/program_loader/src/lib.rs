@@ -184,6 +184,21 @@ fn listed(tools: &[u32]) -> String {
 /// accepted in comments only. Time and memory are linear in the length of the text, and of what its
 /// loops, subroutines and cycles execute, which [`limits`] bound.
 pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
+    load_in_parts(text, profile, options, usize::MAX, &mut |_| {})
+}
+
+/// [`load`] for a contour that need not be kept: once it has so many events, `take` is called with
+/// it after each line without compensation, except for the last few, and may take all of its events. What it leaves comes
+/// again, and at last in what is returned; other fields of the contour are complete only there.
+///
+/// Programs with loops and subroutines come whole, and from the first error on nothing is taken.
+pub fn load_in_parts(
+    text: &[u8],
+    profile: &Profile,
+    options: &LoadOptions,
+    part_events: usize,
+    take: &mut dyn FnMut(&mut ProgrammedContour),
+) -> Loaded {
     let (rules, wrong_words) = Rules::of(profile);
     let mut findings = Findings::default();
     for wrong in wrong_words {
@@ -219,12 +234,15 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
     let section = parameter_file::values_of(text).filter(|_| has_file);
     let keeps = section.is_some();
     let stored = section.unwrap_or_default();
-    let mut interpreter = Interpreter::new(&rules, options.start, lines.min(text.len() / 4));
+    let events = lines.min(text.len() / 4);
+    let events = if part_events == usize::MAX { events } else { events.min(2 * part_events) };
+    let mut interpreter = Interpreter::new(&rules, options.start, events);
     interpreter.store(&stored, &mut findings);
     interpreter.take_results(measured, options.probes_touch_at);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
     reader.store(&stored);
-    let Read { interpreter, parameters, mut findings, calls, awaits } = reader.read();
+    let Read { interpreter, parameters, mut findings, calls, awaits } =
+        reader.read(part_events, take);
     if let Some(source) = awaits {
         findings.begin_block();
         let message = "what follows needs the result of a probe or of M66: it is planned and judged while the run waits here";

@@ -5,6 +5,7 @@
 
 mod calculations;
 mod ends;
+mod parts;
 mod remarks;
 mod stretches;
 
@@ -23,7 +24,7 @@ use crate::parameters::{CannotSet, Parameters};
 use crate::rules::Rules;
 use crate::values::Values;
 use cnc_msgs::calls::Calls;
-use cnc_msgs::contour::Source;
+use cnc_msgs::contour::{ProgrammedContour, Source};
 use cnc_msgs::finding::{Code, Finding};
 
 /// Which part of the text is being read.
@@ -110,9 +111,15 @@ impl<'r> Reader<'r> {
         self.parameters.store(values);
     }
 
-    /// Reads and executes the program.
-    pub(crate) fn read(mut self) -> Read<'r> {
+    /// Reads and executes the program; see [`load_in_parts`](crate::load_in_parts).
+    pub(crate) fn read(
+        mut self,
+        part_events: usize,
+        take: &mut dyn FnMut(&mut ProgrammedContour),
+    ) -> Read<'r> {
         let text = self.text;
+        // A loop may be read again.
+        let part_events = if self.flow.is_some() { usize::MAX } else { part_events };
         let mut cursor = Cursor { offset: 0, line: 1 };
         let mut last_line = 0;
         'jump: loop {
@@ -125,6 +132,12 @@ impl<'r> Reader<'r> {
                 let whole = whole.strip_suffix(b"\r").unwrap_or(whole);
                 let line = Line { number: cursor.line, text: whole, call };
                 match self.line(line, cursor) {
+                    Outcome::Line if self.interpreter.event_count() >= part_events => {
+                        // Near the end it is not worth while.
+                        if text.len().saturating_sub(end) > part_events {
+                            self.give(take);
+                        }
+                    }
                     Outcome::Line => {}
                     Outcome::Jump(to) => {
                         cursor = to;

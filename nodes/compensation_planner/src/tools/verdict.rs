@@ -13,7 +13,7 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::path::{PathTooLong, check_length};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
-use path_audit::{Audit, audit_after};
+use path_audit::{Audit, Auditor};
 use std::fmt::Write;
 
 /// A plan whose path is proved, or refused.
@@ -61,11 +61,21 @@ pub fn judge(
 /// Audits a plan before anybody runs it. Findings that the planner has reported already are not
 /// repeated. An error of the audit refuses the plan; a warning becomes one of the plan.
 pub fn prove(
-    mut plan: Plan,
+    plan: Plan,
     contour: &ProgrammedContour,
     profile: &Profile,
     tools: &ToolTable,
 ) -> Verdict {
+    prove_part(&mut Auditor::new(profile, tools), plan, contour)
+}
+
+/// The same of the next part of a contour.
+pub(crate) fn prove_part(
+    auditor: &mut Auditor<'_>,
+    mut plan: Plan,
+    contour: &ProgrammedContour,
+) -> Verdict {
+    let (profile, tools) = (auditor.profile(), auditor.tools());
     if !plan.accepted() {
         return Verdict { plan, ..Verdict::default() };
     }
@@ -76,7 +86,7 @@ pub fn prove(
     }
     #[cfg(test)]
     tests::spoil(&mut plan, tools);
-    let mut audit = audit_after(contour, &plan.path, profile, tools, &plan.findings);
+    let mut audit = auditor.audit(contour, &plan.path, &plan.findings);
     contour.calls.explain(&mut audit.findings);
     if !audit.refuses() {
         plan.findings.extend(audit.findings.iter().cloned());
@@ -110,7 +120,10 @@ fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Finding>) {
 
 /// Finds what no node accepts: a contour longer than messages can be, or a path too long for the
 /// driver.
-fn too_long(contour_events: usize, [elements, functions]: [usize; 2]) -> Option<Finding> {
+pub(crate) fn too_long(
+    contour_events: usize,
+    [elements, functions]: [usize; 2],
+) -> Option<Finding> {
     let limit = |message| Finding::error(Code::Limit, Source::default(), message);
     if contour_events as u64 > ITEM_COUNT_MAX {
         let message =

@@ -54,6 +54,14 @@ impl Emitter {
         }
     }
 
+    /// The path so far; the next one starts where it ends.
+    pub(crate) fn take_path(&mut self) -> CompensatedPath {
+        let CompensatedPath { start, assumed_axes, ref elements, .. } = self.path;
+        let start = elements.last().map_or(start, |element| element.end);
+        let next = CompensatedPath { start, assumed_axes, ..CompensatedPath::default() };
+        std::mem::replace(&mut self.path, next)
+    }
+
     /// Makes every element of this block end in an exact stop.
     pub(crate) fn stop_exactly_in(&mut self, source: Source) {
         if self.exact_stops.last() != Some(&source.line) {

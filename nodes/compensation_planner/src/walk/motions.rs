@@ -121,6 +121,6 @@ impl<'a> Walk<'a> {
 }
 
 /// Whether a motion in the plane can be a lead.
-fn is_lead(motion: &Motion, rule: LeadMove) -> bool {
+pub(super) fn is_lead(motion: &Motion, rule: LeadMove) -> bool {
     rule == LeadMove::Any || motion.class == MotionClass::Feed
 }

@@ -10,7 +10,7 @@ use crate::check::interference;
 use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::NO_CHAIN;
 use crate::geometry::distance::{are_apart, nearest_between};
-use crate::geometry::element::{Element, Vec2};
+use crate::geometry::element::{Arc, Element, Line, Vec2};
 use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::geometry::tree::{Tree, budget};
 use crate::span::{ItemKind, Run, Span};
@@ -54,8 +54,10 @@ pub(crate) struct EarlierSpans<'a> {
 struct SpanWalls {
     part: Part,
     walls: Vec<Wall>,
+    /// Of those that are arcs.
+    bends: Vec<Bend>,
     /// Over the walls, once another contour is near.
-    tree: OnceCell<Tree>,
+    tree: OnceCell<Box<Tree>>,
     bounds: Bounds,
     /// Equal for a contour that is cut again, in either direction.
     fingerprint: Fingerprint,
@@ -67,12 +69,31 @@ type Fingerprint = (usize, u64);
 /// What identifies a contour: the axis of its tool, its work coordinate system, and its walls.
 type Contour = (usize, Frame, Fingerprint);
 
+/// A wall, in few bytes: they are kept until the program ends.
 #[derive(Debug, Clone, Copy)]
 struct Wall {
-    element: Element,
+    /// The start of a line, the centre of an arc.
+    at: Vec2,
+    /// Along a line; from the centre of an arc to its start.
+    unit: Vec2,
+    /// The length of a line, the radius of an arc, mm.
+    size: f64,
     /// The lowest height at which it was cut, mm.
     height_mm: f64,
     source: Source,
+    /// What an arc has besides; [`STRAIGHT`] for a line.
+    bend: u32,
+}
+
+/// The number of no bend.
+const STRAIGHT: u32 = u32::MAX;
+
+/// What an arc has that a line has not.
+#[derive(Debug, Clone, Copy)]
+struct Bend {
+    to: Vec2,
+    turn: f64,
+    sweep: f64,
 }
 
 /// A piece of the tool path.
@@ -96,6 +117,13 @@ impl<'a> EarlierSpans<'a> {
             budget: budget(0),
             findings_left: FINDINGS_MAX,
         }
+    }
+
+    /// The same without the events of the spans so far.
+    pub(crate) fn for_next_part<'b>(mut self) -> EarlierSpans<'b> {
+        self.add_first();
+        let Self { left, places, known, frame, budget, findings_left, .. } = self;
+        EarlierSpans { first: None, left, places, known, frame, budget, findings_left }
     }
 
     /// Follows the work coordinate system.
@@ -132,10 +160,7 @@ impl<'a> EarlierSpans<'a> {
             self.first = Some(Box::new((part, span, solution)));
             return None;
         }
-        if let Some((part, span, solution)) = self.first.take().map(|first| *first) {
-            let left = SpanWalls::of(part, &span, &solution, &span.leg_heights());
-            left.into_iter().for_each(|left| self.add(left));
-        }
+        self.add_first();
         let heights = span.leg_heights();
         let left = SpanWalls::of(part, &span, &solution, &heights)?;
         self.budget += budget(left.walls.len()) - budget(0);
@@ -154,6 +179,13 @@ impl<'a> EarlierSpans<'a> {
         self.add(left);
         self.findings_left -= usize::from(found.is_some());
         found
+    }
+
+    fn add_first(&mut self) {
+        if let Some((part, span, solution)) = self.first.take().map(|first| *first) {
+            let left = SpanWalls::of(part, &span, &solution, &span.leg_heights());
+            left.into_iter().for_each(|left| self.add(left));
+        }
     }
 
     /// Adds a contour, unless it is known: then it is cut at another height.
@@ -208,11 +240,12 @@ impl<'a> EarlierSpans<'a> {
             let chained = boxes.iter().map(|bounds| (*bounds, NO_CHAIN));
             let tree = tree.get_or_insert_with(|| Tree::new(chained));
             let mut deepest: Option<OtherCut> = None;
-            let wall_box = |wall: usize| Bounds::of(&left.walls[wall].element);
+            let wall_box = |wall: usize| Bounds::of(&left.element(wall));
             let of = (|piece: usize| boxes[piece], wall_box);
             let walls = left.tree();
             let is_complete = tree.near_pairs(walls, reach, &mut self.budget, of, |on, into| {
-                let cut = pieces[on].cut_into(&left.walls[into], profile, span.d_mm);
+                let wall = (&left.walls[into], left.element(into));
+                let cut = pieces[on].cut_into(wall, profile, span.d_mm);
                 let is_deeper = |cut: &OtherCut| {
                     !checked.contains(&cut.into)
                         && deepest.is_none_or(|other| cut.depth_mm() > other.depth_mm())
@@ -244,26 +277,25 @@ impl SpanWalls {
         let walls = solution.walls();
         let runs = solution.runs();
         let is_first = |&run: &usize| walls.copies(run).nth(1).is_none_or(|first| first == run);
-        let wall = |run: usize| {
-            let lowest = |run| lowest(heights, &runs[run]);
-            Some(Wall {
-                element: walls.of(run).filter(|_| walls.is_judged(run))?,
-                height_mm: walls.copies(run).map(lowest).fold(f64::INFINITY, f64::min),
-                source: span.legs[runs[run].legs.start].source,
-            })
-        };
         if !walls.is_complete() {
             return None;
         }
         let mut left: Vec<Wall> = Vec::with_capacity(walls.count());
-        left.extend((0..walls.count()).filter(is_first).filter_map(wall));
+        let mut bends = Vec::new();
         let (mut bounds, mut sum) = (Bounds::EMPTY, 0_u64);
-        for wall in &left {
-            bounds = bounds.union(Bounds::of(&wall.element));
-            sum = sum.wrapping_add(print(&wall.element));
+        for run in (0..walls.count()).filter(is_first) {
+            let Some(element) = walls.of(run).filter(|_| walls.is_judged(run)) else { continue };
+            let lowest = |run| lowest(heights, &runs[run]);
+            let height_mm = walls.copies(run).map(lowest).fold(f64::INFINITY, f64::min);
+            let source = span.legs[runs[run].legs.start].source;
+            left.push(Wall::new(&element, height_mm, source, &mut bends));
+            bounds = bounds.union(Bounds::of(&element));
+            sum = sum.wrapping_add(print(&element));
         }
+        left.shrink_to_fit();
+        bends.shrink_to_fit();
         let fingerprint = (left.len(), sum);
-        Some(Self { part, fingerprint, walls: left, tree: OnceCell::new(), bounds })
+        Some(Self { part, fingerprint, walls: left, bends, tree: OnceCell::new(), bounds })
     }
 
     fn contour(&self) -> Contour {
@@ -272,8 +304,12 @@ impl SpanWalls {
     }
 
     fn tree(&self) -> &Tree {
-        let boxes = self.walls.iter().map(|wall| (Bounds::of(&wall.element), NO_CHAIN));
-        self.tree.get_or_init(|| Tree::new(boxes))
+        let boxes = (0..self.walls.len()).map(|wall| (Bounds::of(&self.element(wall)), NO_CHAIN));
+        self.tree.get_or_init(|| Box::new(Tree::new(boxes)))
+    }
+
+    fn element(&self, wall: usize) -> Element {
+        self.walls[wall].element(&self.bends)
     }
 
     fn is_same(&self, other: &Self) -> bool {
@@ -289,17 +325,47 @@ impl SpanWalls {
     }
 }
 
+impl Wall {
+    fn new(element: &Element, height_mm: f64, source: Source, bends: &mut Vec<Bend>) -> Self {
+        match *element {
+            Element::Line(Line { start, tangent, length }) => {
+                Self { at: start, unit: tangent, size: length, height_mm, source, bend: STRAIGHT }
+            }
+            Element::Arc(Arc { center, radius, turn, from, to, sweep }) => {
+                let bend = bends.len() as u32;
+                bends.push(Bend { to, turn, sweep });
+                Self { at: center, unit: from, size: radius, height_mm, source, bend }
+            }
+        }
+    }
+
+    fn element(&self, bends: &[Bend]) -> Element {
+        let &Self { at, unit, size, bend, .. } = self;
+        match bends.get(bend as usize) {
+            None => Element::Line(Line { start: at, tangent: unit, length: size }),
+            Some(&Bend { to, turn, sweep }) => {
+                Element::Arc(Arc { center: at, radius: size, turn, from: unit, to, sweep })
+            }
+        }
+    }
+}
+
 impl Piece {
     /// The cut into a wall, if any.
-    fn cut_into(&self, wall: &Wall, profile: &Profile, d_mm: f64) -> Option<OtherCut> {
+    fn cut_into(
+        &self,
+        (wall, element): (&Wall, Element),
+        profile: &Profile,
+        d_mm: f64,
+    ) -> Option<OtherCut> {
         let limit = self.radius_mm - GOUGE_MM - profile.accept_tolerance_mm;
         if self.height_mm > wall.height_mm + LENGTH_MM || limit <= 0.0 {
             return None;
         }
-        if are_apart(&self.path, &wall.element, limit) {
+        if are_apart(&self.path, &element, limit) {
             return None;
         }
-        let near = nearest_between(&self.path, &wall.element);
+        let near = nearest_between(&self.path, &element);
         (near.distance < limit).then_some(OtherCut {
             on: self.source,
             into: wall.source,

@@ -113,10 +113,24 @@ impl<'a> Output<'a> {
         self.put_out_waiting(report)
     }
 
-    /// The whole path.
-    pub(super) fn finish(mut self, report: &mut SpanReport) -> (CompensatedPath, Vec<SpanSummary>) {
+    /// The path since the last one, and its spans.
+    pub(super) fn take_path(
+        &mut self,
+        report: &mut SpanReport,
+    ) -> (CompensatedPath, Vec<SpanSummary>) {
         self.put_out_waiting(report);
-        (self.emitter.path, self.spans)
+        (self.emitter.take_path(), std::mem::take(&mut self.spans))
+    }
+
+    /// The same for more events; nothing of those so far may wait.
+    pub(super) fn for_next_part<'b>(
+        self,
+        profile: &'b Profile,
+        workers: &'b dyn Workers,
+    ) -> Output<'b> {
+        let Self { emitter, spans, earlier, weight, .. } = self;
+        let (earlier, waiting) = (earlier.for_next_part(), Vec::new());
+        Output { profile, workers, certificates: None, emitter, spans, earlier, waiting, weight }
     }
 
     /// The certificates of all spans, as far as they were found.

@@ -133,8 +133,9 @@ impl Program<'_> {
     }
 }
 
-/// Reads the events once.
-struct Reader<'a> {
+/// Reads the events once; of a contour in parts, one part after another.
+#[derive(Debug)]
+pub(crate) struct Reader<'a> {
     profile: &'a Profile,
     tools: &'a ToolTable,
     state: CompensationState,
@@ -152,41 +153,38 @@ struct Reader<'a> {
     legs: usize,
 }
 
-pub(crate) fn read<'a>(
-    contour: &'a ProgrammedContour,
-    profile: &Profile,
-    tools: &ToolTable,
-) -> Program<'a> {
-    let none = Offset {
-        d_in: 0.0,
-        d_out: 0.0,
-        tip_in: 0,
-        tip: 0,
-        plane: Plane::default(),
-        is_joined: false,
-    };
-    let mut reader = Reader {
-        profile,
-        tools,
-        state: CompensationState::Off,
-        plane: Plane::default(),
-        word: None,
-        value_mm: None,
-        spindle_tool: None,
-        length: (None, 0.0),
-        length_in_force: 0.0,
-        radius_changes: false,
-        value_waits: None,
-        offset: none,
-        legs: 0,
-    };
+/// The offset of free moves.
+const NO_OFFSET: Offset =
+    Offset { d_in: 0.0, d_out: 0.0, tip_in: 0, tip: 0, plane: Plane::Xy, is_joined: false };
+
+impl<'r> Reader<'r> {
+    pub(crate) fn new(profile: &'r Profile, tools: &'r ToolTable) -> Self {
+        Self {
+            profile,
+            tools,
+            state: CompensationState::Off,
+            plane: Plane::default(),
+            word: None,
+            value_mm: None,
+            spindle_tool: None,
+            length: (None, 0.0),
+            length_in_force: 0.0,
+            radius_changes: false,
+            value_waits: None,
+            offset: NO_OFFSET,
+            legs: 0,
+        }
+    }
+}
+
+pub(crate) fn read<'a>(reader: &mut Reader<'_>, contour: &'a ProgrammedContour) -> Program<'a> {
     let blocks = Vec::with_capacity(contour.events.len());
     let mut program = Program {
         contour,
         blocks,
         actions: Vec::new(),
         lengths: Vec::new(),
-        offsets: vec![none],
+        offsets: vec![NO_OFFSET],
         repeats_lines: false,
     };
     let mut line = 0;

@@ -213,7 +213,7 @@ impl Interpreter<'_> {
         let count = f64::from(repeats.unwrap_or(1));
         let steps = if cycle.needs() == Some(b'Q') { (r - bottom) / words.step } else { 1.0 };
         let moves = count * (3.0 * steps + 6.0);
-        if moves.is_nan() || moves > CYCLE_MOVES_MAX || self.event_count() > EVENTS_MAX {
+        if moves.is_nan() || moves > CYCLE_MOVES_MAX || self.all_event_count() > EVENTS_MAX {
             let message =
                 format!("the cycle takes {moves:.0} moves; at most {CYCLE_MOVES_MAX} are accepted");
             let help = "look for a missing digit in Q or L";

@@ -264,7 +264,7 @@ impl Interpreter<'_> {
         };
         // Measured: a piece of a curve of order 3, 4 and 10 takes as long as 3, 5 and 30 moves.
         self.curve_work += pieces.len() as u64 * (order * order) as u64 / 3;
-        if self.event_count() + pieces.len() > EVENTS_MAX {
+        if self.all_event_count() + pieces.len() > EVENTS_MAX {
             let message = "the program has too many moves".to_owned();
             self.report_block(scene, Code::Limit, message, "split the program");
             return false;
