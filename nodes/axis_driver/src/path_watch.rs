@@ -81,6 +81,7 @@ struct SentMove {
 struct After {
     words: WordsInForce,
     offset: Option<Position>,
+    further_offset: FurtherAxes,
     frame_changes: usize,
     blocks: usize,
 }
@@ -118,7 +119,8 @@ impl PathWatch {
         further: FurtherAxes,
     ) -> Self {
         frame.settle();
-        let offset = frame.in_force;
+        let (offset, further_offset) = (frame.in_force, frame.further.in_force);
+        let words = WordsInForce::default();
         let sent = Sent { frame, place, ..Sent::default() };
         let mut watch = Self {
             speed: SpeedWatch::new(board.rates),
@@ -128,7 +130,7 @@ impl PathWatch {
             least: Bound::default(),
             bound: Bound::default(),
             unanswered: VecDeque::new(),
-            parsed: After { words: WordsInForce::default(), offset, frame_changes: 0, blocks: 0 },
+            parsed: After { words, offset, further_offset, frame_changes: 0, blocks: 0 },
             lines_sent: 0,
             shown: offset,
             shown_further: FurtherAxes::NONE,
@@ -164,9 +166,14 @@ impl PathWatch {
             frame.tool_length_mm = frame.tool_length_mm.or(length);
             // The lines know them best; what else changes them is a deviation.
             frame.further = self.sent.frame.further;
+            if frame.in_force.is_none() {
+                // Another system may be in force.
+                frame.further = frame.further.only_stored();
+            }
             self.sent.frame = frame;
             self.forget_words();
             self.parsed.offset = self.sent.frame.in_force;
+            self.parsed.further_offset = self.sent.frame.further.in_force;
         }
         self.stand(place, further);
     }
@@ -200,6 +207,8 @@ impl PathWatch {
         self.sent.further = FurtherAxes::NONE;
         self.sent.frame.further = FurtherFrame::default();
         self.shown_further = FurtherAxes::NONE;
+        self.parsed.further_offset = FurtherAxes::NONE;
+        self.unanswered.iter_mut().for_each(|after| after.further_offset = FurtherAxes::NONE);
     }
 
     /// The offset in force is not known for sure: the one that is shown next is taken as it is,
@@ -228,9 +237,10 @@ impl PathWatch {
             let (number, feed_mm_per_min) = (self.lines_sent, asked.feed_mm_per_min);
             self.moves.push_back(SentMove { way, turn, feed_mm_per_min, culprit, blocks, number });
         }
-        let offset = self.sent.frame.in_force;
+        let (offset, further_offset) = (self.sent.frame.in_force, self.sent.frame.further.in_force);
         let (words, frame_changes) = (self.sent.said, self.sent.frame_changes);
-        self.unanswered.push_back(After { words, offset, frame_changes, blocks });
+        let after = After { words, offset, further_offset, frame_changes, blocks };
+        self.unanswered.push_back(after);
     }
 
     /// The oldest line without an answer was answered.
@@ -261,15 +271,19 @@ impl PathWatch {
         if self.takes_offset {
             return None;
         }
-        let is_settled = self.parsed.frame_changes == self.sent.frame_changes;
-        if is_settled && !seen.further_offset.is_empty() {
-            // One report may be damaged: what two in a row show is taken.
-            self.sent.frame.further.adopt(seen.further_offset, self.shown_further);
+        let before = self.shown_further;
+        self.shown_further = seen.further_offset.or(before);
+        if let Some(deviation) = self.judge_further_offset(seen.further_offset) {
+            return Some(deviation);
         }
-        self.shown_further = seen.further_offset.or(self.shown_further);
+        let is_settled = self.parsed.frame_changes == self.sent.frame_changes;
+        if is_settled {
+            self.adopt_further(seen.further_offset, before);
+        }
+        let (frame, steps) = (&self.sent.frame.further, &self.board.further_steps);
         let further = match (seen.is_by_offset, is_settled) {
             (false, _) => seen.further,
-            (true, true) => self.sent.frame.further.as_shown(seen.further, self.shown_further),
+            (true, true) => frame.as_shown(seen.further, self.shown_further, steps),
             (true, false) => FurtherAxes::NONE,
         };
         let is_placed = !seen.is_by_offset || self.is_offset_shown();
@@ -364,6 +378,29 @@ impl PathWatch {
         let wanted = candidates.into_iter().flatten().next()?;
         let culprit = self.culprit();
         Some(Deviation::Offset { culprit, shown, wanted })
+    }
+
+    /// The offset of each further axis is that after the newest answer, or after a line without one.
+    fn judge_further_offset(&self, shown: FurtherAxes) -> Option<Deviation> {
+        let after = || std::iter::once(&self.parsed).chain(&self.unanswered);
+        shown.iter().find_map(|(axis, shown)| {
+            let step = self.board.further_steps[axis];
+            let fits = |after: &After| {
+                let offset = after.further_offset.get(axis);
+                offset.is_none_or(|offset| further::is_same_offset(axis, offset, shown, step))
+            };
+            let wanted = self.parsed.further_offset.get(axis).filter(|_| !after().any(fits))?;
+            Some(Deviation::FurtherOffset { culprit: self.culprit(), axis, shown, wanted })
+        })
+    }
+
+    /// No line without an answer changes them. One report may be damaged: of offsets that are not known
+    /// what two in a row show is taken.
+    fn adopt_further(&mut self, shown: FurtherAxes, before: FurtherAxes) {
+        self.sent.frame.further.adopt(shown, before);
+        let in_force = self.sent.frame.further.in_force;
+        self.parsed.further_offset = in_force;
+        self.unanswered.iter_mut().for_each(|after| after.further_offset = in_force);
     }
 
     fn adopt(&mut self, offset: Position) {

@@ -5,7 +5,7 @@ use crate::parts::{
 };
 use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, Overrides, RunOutcome};
 use cnc_msgs::contour::{Action, Probe, SpindleMode};
-use cnc_msgs::further::FurtherAxes;
+use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{AxisSet, Plane, Position, Shape};
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::PathElement;
@@ -140,6 +140,7 @@ fn sound_runs(firmware: Firmware, seed: u64, runs: u32, turns: bool) -> (Duratio
             );
         }
         if turns {
+            zero_along(&mut path, &mut Random(seed + u64::from(run)));
             turn_along(&mut path, &mut random);
         } else {
             probe_along(&mut path, &mut Random(seed + u64::from(run)));
@@ -161,6 +162,24 @@ fn sound_runs(firmware: Firmware, seed: u64, runs: u32, turns: bool) -> (Duratio
         took += line.now - begin;
     }
     (took, line.controller.device().controller().counts().torn_reports)
+}
+
+/// Sets the zero of A now and then: where it stands, or to a place.
+fn zero_along(path: &mut cnc_msgs::path::CompensatedPath, random: &mut Random) {
+    for _ in 0..random.below(4) {
+        let at = 1 + random.below(path.elements.len() as u64 - 1) as usize;
+        let by_position = random.below(2) == 0;
+        let axes = FurtherAxes::NONE.with(0, random.between(-200.0, 200.0).round());
+        let (mode, origin) = (FurtherMode::Along, [0.0; 3]);
+        insert(
+            path,
+            at,
+            &[
+                Action::Further(FurtherMove { axes, mode }),
+                Action::SetWorkOffset { system: 1, axes: AxisSet::NONE, origin, by_position },
+            ],
+        );
+    }
 }
 
 /// Makes a probe that touches nothing of one of the lines.

@@ -5,6 +5,7 @@ use crate::parts::{Part, Random, holding, number, random_part, turn_along, turni
 use axis_driver::driver::{Command, DriverConfig, RunOutcome};
 use cnc_msgs::contour::Action;
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
+use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::path::CompensatedPath;
 use kerf_tests::line::Line;
@@ -74,6 +75,91 @@ fn a_damaged_angle_is_held() {
                 line.ask(Command::CancelRun { run: None }).expect("canceled");
                 assert_eq!(line.result().outcome, RunOutcome::Canceled, "{what}");
             }
+        }
+    }
+}
+
+/// Boards that report machine positions, and those that report work positions.
+const MASKS: [(Firmware, [&str; 2]); 3] = [
+    (Firmware::Grbl, ["$10=1", "$10=0"]),
+    (Firmware::GrblHal, ["$10=509", "$10=508"]),
+    (Firmware::FluidNc, ["$10=1", "$10=0"]),
+];
+
+#[test]
+fn a_zero_of_an_axis_that_nobody_asked_for_is_held() {
+    for (firmware, mask) in MASKS.into_iter().flat_map(|(is, masks)| masks.map(|it| (is, it))) {
+        let what = format!("{firmware} {mask}");
+        // Room for what the other sends; no check notices that its answers are not counted.
+        let config =
+            DriverConfig { receive_buffer_bytes: Some(90), line_check_interval_ms: 0, ..holding() };
+        let mut line = turning_router(firmware, &[mask], config);
+        line.start(part(FurtherMode::Along), 0);
+        line.until("the line is reached", |line| line.state().line >= 3);
+        line.other_sender("G92A10\n");
+        let begin = line.now;
+        line.until("held", |line| line.finished.is_some() || line.mode() == Mode::Hold);
+        let verdict = line.finished.as_ref().map(|it| it.message.clone());
+        let verdict = verdict.unwrap_or_else(|| line.state().reason);
+        let is_offset = verdict.contains("the controller has the work offset A")
+            && verdict.starts_with("PATH_DEVIATION: at line ");
+        // Where the axis moves in it first, its place may be seen first.
+        assert!(is_offset || verdict.contains(" A is at "), "{what}: {verdict}");
+        // The board reads the line after those that it has before it.
+        let held_s = (line.now - begin).as_secs_f64();
+        assert!(held_s < 12.0, "{what}: held after {held_s:.1} s");
+    }
+}
+
+/// Sets the zero of A where it stands, or to a place, in a work system.
+fn zero(part: &mut Part, system: u8, value: f64, by_position: bool) {
+    part.event(turn(value, FurtherMode::Along));
+    let (axes, origin) = (AxisSet::NONE, [0.0; 3]);
+    part.event(Action::SetWorkOffset { system, axes, origin, by_position });
+}
+
+#[test]
+fn programs_that_move_the_zero_of_an_axis_are_followed() {
+    for (firmware, mask) in MASKS.into_iter().flat_map(|(is, masks)| masks.map(|it| (is, it))) {
+        let mut line = turning_router(firmware, &[mask], holding());
+        for round in 0..3 {
+            let mut part = Part::new();
+            part.event(turn(20.0, FurtherMode::Rapid));
+            part.line([10.0, 0.0, 0.0]);
+            zero(&mut part, 1, 5.0, true);
+            part.event(turn(50.0, FurtherMode::Along));
+            part.line([20.0, 0.0, 0.0]);
+            zero(&mut part, 2, 100.0 + f64::from(round), false);
+            part.event(Action::WorkOffset { system: 2 });
+            part.event(Action::ChangeTool { tool: 2 });
+            part.event(turn(-30.0, FurtherMode::Along));
+            part.line([0.0, 5.0, 0.0]);
+            zero(&mut part, 2, 0.0, true);
+            part.event(turn(3.0, FurtherMode::Feed(2_000.0)));
+            part.line([5.0, 5.0, 0.0]);
+            part.event(Action::WorkOffset { system: 1 });
+            part.event(turn(15.0, FurtherMode::Along));
+            part.line([5.0, 15.0, 0.0]);
+            zero(&mut part, 1, 0.0, false);
+            part.event(turn(-45.0, FurtherMode::Along));
+            part.line([0.0, 15.0, 0.0]);
+            for element in &mut part.path.elements {
+                element.axes = AxisSet::ALL;
+            }
+            line.start(part.path, 0);
+            while line.finished.is_none() {
+                if line.mode() == Mode::ToolChange {
+                    line.wait(1.0);
+                    let confirmed = Command::ConfirmToolChange { objection: None };
+                    line.ask(confirmed).expect("the tool is in");
+                }
+                assert_ne!(line.mode(), Mode::Hold, "{firmware} {mask}: {:?}", line.log);
+                line.wait(0.05);
+            }
+            let result = line.finished.take().expect("it has ended");
+            let place = format!("{firmware} {mask}: {result:?}\n{}", line.log.join("\n"));
+            assert_eq!(result.outcome, RunOutcome::Succeeded, "{place}");
+            assert!(!line.log.iter().any(|text| text.contains("PATH_DEVIATION")), "{place}");
         }
     }
 }

@@ -36,6 +36,13 @@ pub enum Deviation {
         culprit: Culprit,
         off: Off,
     },
+    /// Degrees or mm; 0 for A.
+    FurtherOffset {
+        culprit: Culprit,
+        axis: usize,
+        shown: f64,
+        wanted: f64,
+    },
     Feed {
         culprit: Culprit,
         feed_mm_per_min: f64,
@@ -55,6 +62,7 @@ impl Deviation {
             Self::Place { culprit, .. }
             | Self::Offset { culprit, .. }
             | Self::Further { culprit, .. }
+            | Self::FurtherOffset { culprit, .. }
             | Self::Feed { culprit, .. }
             | Self::Words { culprit, .. } => *culprit,
         }
@@ -91,7 +99,7 @@ struct What<'a>(&'a Deviation);
 
 impl fmt::Display for What<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        use Deviation::{Feed, Further, Offset, Place, Words};
+        use Deviation::{Feed, Further, FurtherOffset, Offset, Place, Words};
         match self.0 {
             Place { at, nearest, off_mm, .. } => write!(
                 f,
@@ -116,6 +124,14 @@ impl fmt::Display for What<'_> {
                         write!(f, "the lines that were sent have it between {low:.3} and {high:.3}")
                     }
                 }
+            }
+            FurtherOffset { axis, shown, wanted, .. } => {
+                let letter = FURTHER_LETTERS[*axis];
+                write!(
+                    f,
+                    "the controller has the work offset {letter}{shown:.3} in force and not \
+                     {letter}{wanted:.3} (machine frame)"
+                )
             }
             Feed { feed_mm_per_min, allowed_mm_per_min, .. } => write!(
                 f,

@@ -82,10 +82,15 @@ impl FurtherFrame {
     }
 
     /// The axes of a report whose offset in force is the one that reports have shown.
-    pub(super) fn as_shown(&self, seen: FurtherAxes, shown: FurtherAxes) -> FurtherAxes {
+    pub(super) fn as_shown(
+        &self,
+        seen: FurtherAxes,
+        shown: FurtherAxes,
+        steps: &[f64; 6],
+    ) -> FurtherAxes {
         let is_other = |axis: usize| {
             let both = self.in_force.get(axis).zip(shown.get(axis));
-            both.is_none_or(|(is, shown)| (is - shown).abs() > PATH_MM)
+            both.is_none_or(|(is, shown)| !is_same_offset(axis, is, shown, steps[axis]))
         };
         seen.iter().filter(|it| is_other(it.0)).fold(seen, |all, (axis, _)| all.without(axis))
     }
@@ -97,6 +102,24 @@ impl FurtherFrame {
         let twice = twice.collect();
         self.in_force = self.in_force.or(twice);
     }
+}
+
+/// How far an axis may be off, where the largest of its places is so large.
+fn tolerance(largest: f64, step: f64) -> f64 {
+    PATH_MM
+        + ROUNDED_NUMBERS * REPORT_MM
+        + step
+        + LAST_PLACES * largest.abs() * f64::from(f32::EPSILON)
+}
+
+/// Whether a report may show the one offset where the other is in force. A turn more or less of an axis that
+/// turns is the same: its zero is set where the board says that it stands.
+pub(super) fn is_same_offset(axis: usize, one: f64, other: f64, step: f64) -> bool {
+    let apart = match FurtherAxes::is_rotary(axis) {
+        true => (one - other) - TURN_DEGREES * ((one - other) / TURN_DEGREES).round(),
+        false => one - other,
+    };
+    apart.abs() <= tolerance(one.abs().max(other.abs()), step)
 }
 
 /// What one line does with these axes.
@@ -143,10 +166,7 @@ impl Turn {
             let [one, other] = [least, most].map(|part| from + (to - from) * part.clamp(0.0, 1.0));
             let ends = [one.min(other), one.max(other)];
             let largest = is.abs().max(from.abs()).max(to.abs());
-            let tolerance = PATH_MM
-                + ROUNDED_NUMBERS * REPORT_MM
-                + steps[axis]
-                + LAST_PLACES * largest * f64::from(f32::EPSILON);
+            let tolerance = tolerance(largest, steps[axis]);
             let [low, high] = [ends[0] - tolerance, ends[1] + tolerance];
             let turned = match FurtherAxes::is_rotary(axis) {
                 // The lowest angle of the same direction that is not below.
@@ -191,6 +211,24 @@ mod tests {
         ] {
             let off = turn.off(seen, parts, &[0.01; 6]);
             assert_eq!(off.is_none(), fits, "{turn:?} {parts:?} {seen:?}: {off:?}");
+        }
+    }
+
+    #[test]
+    fn an_offset_is_the_same_within_a_step_and_a_turn() {
+        for (axis, one, other, is_same) in [
+            (A, 10.0, 10.0, true),
+            (A, 10.0, 10.03, true),
+            (A, 10.0, 10.04, false),
+            (A, 10.0, 370.0, true),
+            (A, -170.0, 190.0, true),
+            (A, 10.0, 190.0, false),
+            (A, 0.0, 10.0, false),
+            (U, 10.0, 370.0, false),
+            (U, 10.0, 10.03, true),
+            (U, 10.0, 10.1, false),
+        ] {
+            assert_eq!(is_same_offset(axis, one, other, 0.01), is_same, "{axis} {one} {other}");
         }
     }
 

@@ -394,10 +394,51 @@ fn an_angle_that_follows_from_an_offset_is_not_believed_before_that_is_shown() {
     let seen = |angle| Seen { is_by_offset: true, further: one(angle), ..at([0.0; 3]) };
     let shown =
         |angle, zero| Seen { work_offset: Some(ZERO), further_offset: one(zero), ..seen(angle) };
-    assert_eq!(watch.judge(&shown(-30.0, 0.0)), None, "the offset from before");
+    let before = watch.judge(&shown(-30.0, 0.0)).expect("the offset from before");
+    assert_eq!(
+        before.to_string(),
+        "before the first line the controller has the work offset A0.000 in force and not A30.000 \
+         (machine frame)"
+    );
     assert_eq!(watch.judge(&seen(-30.0)), None);
     assert_eq!(watch.judge(&shown(30.0, 30.0)), None);
     assert!(watch.judge(&seen(40.0)).is_some());
+}
+
+#[test]
+fn an_offset_of_a_further_axis_that_no_line_has_set_is_noticed_before_it_moves_in_it() {
+    let one = |value: f64| FurtherAxes::NONE.with(0, value);
+    let mut further = FurtherFrame { shift: one(0.0), ..FurtherFrame::default() };
+    (further.systems[0], further.systems[1]) = (one(0.0), one(360.0));
+    let frame = Frame { further, ..Frame::default() };
+    for is_by_offset in [false, true] {
+        let mut watch = PathWatch::new(board(), frame.clone(), Some(ZERO), one(0.0));
+        let shown = |zero| Seen { is_by_offset, further_offset: one(zero), ..at([0.0; 3]) };
+        assert_eq!(watch.judge(&shown(7.0)), None, "no line has said which is in force");
+        send(&mut watch, &["G90G54"]);
+        watch.on_answer();
+        assert_eq!(watch.judge(&shown(0.02)), None, "rounding");
+        assert!(watch.clone().judge(&shown(10.0)).is_some());
+        // One of the lines that have no answer yet may have set it.
+        send(&mut watch, &["G10L2P1A30", "G0A0", "G10L20P1A5", "G55"]);
+        for zero in [0.0, 30.0, 25.0, 360.0] {
+            assert_eq!(watch.clone().judge(&shown(zero)), None, "{zero}");
+        }
+        assert!(watch.clone().judge(&shown(10.0)).is_some());
+        watch.on_answer();
+        assert!(watch.clone().judge(&shown(1.0)).is_some());
+        for _ in 0..3 {
+            watch.on_answer();
+        }
+        // A board that counts within a turn.
+        assert_eq!(watch.judge(&shown(0.0)), None);
+        assert!(watch.clone().judge(&shown(25.0)).is_some());
+        // The operator goes on with what is in force, and a changer may have selected another.
+        watch.forgive();
+        assert_eq!(watch.clone().judge(&shown(25.0)), None);
+        watch.begin_again(Some(Frame::default()), Some(ZERO), one(0.0));
+        assert_eq!(watch.judge(&shown(25.0)), None);
+    }
 }
 
 #[test]

@@ -108,11 +108,12 @@ impl Machine {
         self.further.on_status(report, units);
     }
 
-    /// The offset of these axes in the newest report; none where it has no work offset.
+    /// The offset of these axes in the newest report, as far as it can be compared with the machine
+    /// frame; none where it has no work offset.
     pub(in crate::driver) fn further_offset_shown(&self) -> FurtherAxes {
         let report = self.status.as_ref().filter(|_| self.shown.work_offset.is_some());
         report.map_or(FurtherAxes::NONE, |report| {
-            self.further.read(&report.further_offset, self.report_units())
+            self.comparable(self.further.read(&report.further_offset, self.report_units()))
         })
     }
 
@@ -180,12 +181,15 @@ impl Machine {
         self.further.keep_offset(report);
     }
 
-    /// Where they are in the machine frame, as far as reports can be compared with it: builds of
-    /// grblHAL print angles in inches like lengths, and others as degrees.
+    /// Where they are in the machine frame, as far as reports can be compared with it.
     pub(in crate::driver) fn further_machine(&self) -> FurtherAxes {
+        self.comparable(self.further.machine)
+    }
+
+    /// In inches builds of grblHAL print angles like lengths, and others as degrees.
+    fn comparable(&self, axes: FurtherAxes) -> FurtherAxes {
         let is_printed = |axis: usize| !self.reports_in_inches() || !FurtherAxes::is_rotary(axis);
-        let known = self.further.machine.iter().filter(|(axis, _)| is_printed(*axis));
-        known.collect()
+        axes.iter().filter(|(axis, _)| is_printed(*axis)).collect()
     }
 
     /// Where they are, as far as it is known; `None` where the board has none.

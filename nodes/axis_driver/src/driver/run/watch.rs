@@ -299,7 +299,8 @@ impl Doubt {
         if matches!(deviation, Deviation::Feed { .. }) {
             return true;
         }
-        let is_of_offset = matches!(deviation, Deviation::Offset { .. });
+        let is_of_offset =
+            matches!(deviation, Deviation::Offset { .. } | Deviation::FurtherOffset { .. });
         let first = doubt.get_or_insert(Self { at: context.now, is_of_offset, reports: 0 });
         first.reports += 1;
         first.is_of_offset &= is_of_offset;
