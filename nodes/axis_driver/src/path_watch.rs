@@ -475,8 +475,13 @@ impl PathWatch {
                     Some(off) => turned = turned.or(Some((index, off))),
                 }
             }
-            // Of two that meet there the later one is cut.
-            if best.is_none_or(|(_, least)| near.distance_mm <= least.distance_mm + SAME_MM) {
+            let is_next = best.is_none_or(|(of, least)| {
+                // Of two that meet there the later one is cut. Farther on the path may come by again.
+                let meets = index == of + 1 && self.moves[of].way.rest_mm(least.part) <= SAME_MM;
+                let nearer_by = if meets { -SAME_MM } else { SAME_MM };
+                near.distance_mm + nearer_by < least.distance_mm
+            });
+            if is_next {
                 best = Some((index, near));
             }
         }

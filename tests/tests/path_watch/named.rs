@@ -16,12 +16,17 @@ use virtual_controller::Firmware;
 /// A part with corners and a Z of its own, minutes long; with arcs or without. Where the
 /// start of an arc is wrong, the controller refuses it before anything moves.
 fn part(has_arcs: bool) -> CompensatedPath {
+    rounds(has_arcs, 0.25)
+}
+
+/// Each round so much deeper than the one before.
+fn rounds(has_arcs: bool, deeper_mm: f64) -> CompensatedPath {
     let mut part = Part::new();
     part.event(Action::SpindleSpeed { rpm: 12_000.0 });
     part.event(Action::Spindle(SpindleMode::Clockwise));
     part.feed(4_000.0);
     for round in 0..40 {
-        let z = -f64::from(round) * 0.25;
+        let z = -f64::from(round) * deeper_mm;
         part.line([0.0, 0.0, z]);
         part.line([31.0, 0.0, z]);
         part.line([31.0, 17.0, z]);
@@ -136,6 +141,25 @@ fn a_damaged_digit_is_held_where_it_takes_the_tool_off_its_path() {
                 spoilt(part(false), firmware, |line| replace_next(line, from, to));
             assert!(!line.is_spoil_due(), "{what}");
             assert_deviation(&mut line, &what, off_mm, off_s);
+        }
+    }
+}
+
+#[test]
+fn of_equal_rounds_the_line_that_is_cut_is_named() {
+    for firmware in Firmware::ALL {
+        for (from, to) in [("X31\n", "X37\n"), ("Y17\n", "Y77\n"), ("Y22", "Y21")] {
+            let what = format!("{firmware}: {from:?} as {to:?}");
+            let (mut line, off_mm, off_s) =
+                spoilt(rounds(false, 0.0), firmware, |line| replace_next(line, from, to));
+            assert_bounds(&what, off_mm, off_s);
+            let verdict = verdict(&mut line);
+            let named = verdict.strip_prefix("PATH_DEVIATION: at line ");
+            let named = named.and_then(|rest| rest.split(' ').next()?.parse::<u32>().ok());
+            let named = named.unwrap_or_else(|| panic!("{what}: {verdict}"));
+            // The one that is damaged, or the one after it.
+            let cut = line.state().line;
+            assert!(named.abs_diff(cut) <= 1, "{what}: line {cut} is cut: {verdict}");
         }
     }
 }

@@ -49,6 +49,11 @@ impl Way {
         }
     }
 
+    /// What is left of the way after a share of it.
+    pub(super) fn rest_mm(&self, part: f64) -> f64 {
+        (1.0 - part) * self.length_mm()
+    }
+
     /// The place of the way nearest to a position, not before a share of it.
     pub(super) fn nearest(&self, position: Position, from_part: f64) -> Nearest {
         match self {

@@ -87,6 +87,33 @@ fn the_text_names_line_place_and_distance() {
 }
 
 #[test]
+fn where_the_path_comes_by_again_the_line_that_is_under_way_is_named() {
+    let named = |watch: &PathWatch, place: Position| {
+        let deviation = watch.clone().judge(&at(place)).expect("it is off");
+        deviation.culprit().source_line
+    };
+    let mut rounds = watch();
+    for _ in 0..4 {
+        send(&mut rounds, &["G1X10F600", "Y10", "X0", "Y0"]);
+    }
+    // Once round, and on along line 5.
+    for [x, y] in [[5.0, 0.0], [10.0, 5.0], [5.0, 10.0], [0.0, 5.0], [5.0, 0.0]] {
+        assert_eq!(rounds.judge(&at([x, y, 0.0])), None, "{x} {y}");
+    }
+    // Off the line, beyond its end, and off the next ones.
+    for (x, y, line) in [(6.0, -1.0, 5), (11.0, 0.0, 6), (11.0, 5.0, 6), (5.0, 11.0, 7)] {
+        assert_eq!(named(&rounds, [x, y, 0.0]), line, "{x} {y}");
+    }
+    // To and fro.
+    let mut pecks = watch();
+    send(&mut pecks, &["G1X40F600", "X0", "X40", "X0"]);
+    assert_eq!(pecks.judge(&at([5.0, 0.0, 0.0])), None);
+    for (x, y, line) in [(6.0, 1.0, 1), (41.0, 0.0, 2)] {
+        assert_eq!(named(&pecks, [x, y, 0.0]), line, "{x} {y}");
+    }
+}
+
+#[test]
 fn one_wrong_report_that_lies_ahead_on_the_path_is_not_held_against_the_next() {
     let mut watch = watch();
     send(&mut watch, &["G1X40F600", "X0", "X40"]);
