@@ -140,11 +140,7 @@ fn a_pause_of_two_seconds_is_ridden_out_where_the_driver_asks_once_a_second() {
     for listen in [TCP, WS] {
         let board = board(listen);
         let network = Network::to(&board.url);
-        let patient = DriverConfig {
-            poll_interval_ms: 1000,
-            busy_poll_interval_ms: 1000,
-            ..config(&network.url)
-        };
+        let patient = DriverConfig { poll_interval_ms: 1000, ..config(&network.url) };
         let mut shell = Shell::with(&network.url, patient);
         shell.until_mode(Mode::Idle);
         shell.run(2000);
