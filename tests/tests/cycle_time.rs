@@ -1,11 +1,15 @@
 //! The time that the driver gives, against the virtual controller, whose planner is its own.
 
 use axis_driver::cycle_time::CycleTime;
-use axis_driver::driver::{Command, DriverConfig, Overrides, RunOutcome};
+use axis_driver::driver::{
+    Command, DriverConfig, JogFrame, JogRequest, OffsetRequest, Overrides, RunOutcome,
+};
+use axis_driver::encoder::EncoderConfig;
 use axis_driver::machine_limits::MachineLimits;
 use cnc_msgs::contour::{Action, Source, SpindleMode};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
+use cnc_msgs::machine::Mode;
 use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use kerf_tests::line::{Line, events, short_segments, straight};
 use std::time::Duration;
@@ -111,11 +115,18 @@ fn modelled(line: &Line, path: &CompensatedPath) -> f64 {
 
 /// Seconds from the first step to the last.
 fn moved(line: &mut Line, path: CompensatedPath) -> f64 {
+    moved_from(line, path, 0).0
+}
+
+/// The same from a source line on, and the seconds that the driver has given first.
+fn moved_from(line: &mut Line, path: CompensatedPath, start_line: u32) -> (f64, f64) {
     let (mut before, mut first, mut last) = (line.all_axes(), None, line.now);
-    line.start(path, 0);
+    line.start(path, start_line);
+    let mut said = None;
     while line.finished.is_none() {
         let was = line.now;
         line.step_within(LOOK);
+        said = said.or(line.time_left.map(|(_, left)| left));
         let at = line.all_axes();
         if at != before {
             first.get_or_insert(was);
@@ -124,7 +135,8 @@ fn moved(line: &mut Line, path: CompensatedPath) -> f64 {
     }
     let result = line.finished.take().expect("it has ended");
     assert_eq!(result.outcome, RunOutcome::Succeeded, "{}", result.message);
-    (last - first.expect("it has moved")).as_secs_f64()
+    let took = last - first.expect("it has moved");
+    (took.as_secs_f64(), said.expect("the driver has given a time"))
 }
 
 #[test]
@@ -158,6 +170,55 @@ fn the_time_of_lines_arcs_and_short_segments_is_that_of_the_controller() {
         }
     }
     assert!(worst <= SHARE_MAX, "{table}");
+}
+
+/// A homed machine that lifts the tool, or not, before it begins in the middle.
+fn homed(firmware: Firmware, is_lifted: bool) -> Line {
+    let approach_z_mm = is_lifted.then_some(-2.0);
+    let encoder = EncoderConfig { approach_z_mm, ..EncoderConfig::default() };
+    let config = DriverConfig { baud: 2_000_000, encoder, ..DriverConfig::default() };
+    let mut settings = Settings::small_router_of(firmware);
+    settings.set_line("$22=1").expect("a setting");
+    let mut line = Line::new(config, Build::new(settings), &[]);
+    line.until("locked", |line| line.mode() == Mode::Alarm);
+    line.ask(Command::Home).expect("it homes");
+    let (axes, position, further) = (AxisSet::ALL, [-400.0, -250.0, -40.0], FurtherAxes::NONE);
+    let zero = OffsetRequest { system: 1, axes, position, is_origin: true, further };
+    line.ask(Command::SetWorkOffset(zero)).expect("a zero");
+    line
+}
+
+#[test]
+fn the_time_of_a_start_in_the_middle_counts_the_way_there_and_no_other() {
+    let mut path = part();
+    for (index, element) in path.elements.iter_mut().enumerate() {
+        element.source.line = index as u32 + 1;
+        // Longer than the look where the machine stands before the first line is cut.
+        element.feed_mm_per_min = element.feed_mm_per_min.map(|feed| 0.4 * feed);
+    }
+    // The second pocket from its first line at depth on; or from the plunge before it.
+    let lines = [12, 11];
+    for firmware in Firmware::ALL {
+        for start_line in lines {
+            let first = start_line as usize - 1;
+            let starts_at = path.start_of(first);
+            for is_lifted in [true, false] {
+                let mut line = homed(firmware, is_lifted);
+                if !is_lifted {
+                    let (frame, axes) = (JogFrame::Work, AxisSet::ALL);
+                    let (feed_mm_per_min, further) = (3_000.0, FurtherAxes::NONE);
+                    let target = starts_at;
+                    let jog = JogRequest { frame, axes, target, feed_mm_per_min, further };
+                    line.ask(Command::Jog(jog)).expect("it moves there");
+                    line.move_result();
+                }
+                let (found, expected) = moved_from(&mut line, path.clone(), start_line);
+                let off = expected / found - 1.0;
+                let what = format!("{firmware}, line {start_line}, lifted: {is_lifted}");
+                assert!(off.abs() <= SHARE_MAX, "{what}: {found:.3} s, {:+.2} %", 100.0 * off);
+            }
+        }
+    }
 }
 
 #[test]

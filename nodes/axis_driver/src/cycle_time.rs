@@ -15,9 +15,9 @@ use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, Known, MachinePath, Step};
 use crate::vectors::norm;
 use chords::Chords;
-use cnc_msgs::contour::{Action, CoolantMode, SpindleMode};
+use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, further_distance};
-use cnc_msgs::geometry::Position;
+use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::port_word::PortWord;
 use ring::{Block, Ring};
@@ -50,7 +50,7 @@ pub struct CycleTime {
 
 impl CycleTime {
     /// Nothing done yet; the path begins with this element. `start_in_machine` is where the axes
-    /// are; `None`: where the path begins.
+    /// are; `None`: where that element begins.
     pub fn new(
         limits: &MachineLimits,
         path: &CompensatedPath,
@@ -87,6 +87,30 @@ impl CycleTime {
         started.walk.assume(at);
         started.at_steps = started.steps(at);
         started
+    }
+
+    /// Before all else the axes go from here, machine frame, to the first element: up, over, and down at this
+    /// feed. There the machine stands, and the driver looks where it is.
+    pub fn come_from_above(
+        &mut self,
+        path: &CompensatedPath,
+        here: Position,
+        height_mm: f64,
+        axes: AxisSet,
+        feed_mm_per_min: Option<f64>,
+    ) {
+        let element = self.first_element;
+        let source = path.elements.get(element).map_or(Source::default(), |first| first.source);
+        let way = self.walk.way_from_above(here.map(Some), height_mm, axes, source);
+        let [up, over, down] =
+            way.map(|it| std::array::from_fn(|axis| it.to[axis].unwrap_or(here[axis])));
+        self.at_steps = self.steps(here);
+        for (to, feed) in [(up, None), (over, None), (down, feed_mm_per_min)] {
+            if self.push(to, FurtherAxes::NONE, feed, element) {
+                self.pause_s = Some(0.0);
+            }
+        }
+        self.walk.assume(down);
     }
 
     /// Feed and rapid speed in parts of the programmed ones, from here on.

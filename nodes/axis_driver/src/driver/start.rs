@@ -83,9 +83,16 @@ impl Driver {
             }
         };
         let machine = &self.context.machine;
-        let start = machine.machine_position().filter(|_| !is_in_change);
+        let here = machine.machine_position().filter(|_| !is_in_change);
         let limits = machine.limits_for_time();
-        let time = CycleTime::new(&limits, &request.path, first_element, start);
+        // In the middle the tool stands where the element begins, or comes there from here.
+        let start = here.filter(|_| first_element == 0);
+        let mut time = CycleTime::new(&limits, &request.path, first_element, start);
+        if let Some((approach, here)) = approach.zip(here) {
+            let feed = encoder.feed_from(first_element);
+            let Approach { height_mm, axes } = approach;
+            time.come_from_above(&request.path, here, height_mm, axes, feed);
+        }
         let proof = Proof::new(encoder.clone(), time.clone(), workplace);
         if is_only_encoded {
             let beginning = match first_element {

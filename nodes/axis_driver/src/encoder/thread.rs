@@ -58,7 +58,7 @@ impl Encoder {
 
     /// The feed of the first element from here on that has one of its own. That of a thread follows from
     /// its spindle.
-    pub(super) fn feed_from(&self, index: usize) -> Option<f64> {
+    pub(crate) fn feed_from(&self, index: usize) -> Option<f64> {
         let path = &self.path;
         let first = path.events.partition_point(|event| event.at_element < index);
         let threads = path.events[first..].iter();
