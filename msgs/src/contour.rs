@@ -159,8 +159,9 @@ pub enum RadiusSource {
     Tool(u32),
     /// The offset register of this number (`D` on 840C and NCT).
     Offset(u32),
-    /// This diameter, mm (LinuxCNC `G41.1 D`).
-    Diameter(f64),
+    /// This diameter, mm (LinuxCNC `G41.1 D`). Unless `tip` is 0, the path is that of the tip of a
+    /// turning tool, and `tip` its direction, 1 to 9 (`G41.1 D L`).
+    Diameter { mm: f64, tip: u8 },
     /// This radius, mm (Automation1 `G43 P`).
     Radius(f64),
     /// The tool in the spindle and this radius added, mm (MASSO `P`).

@@ -6,7 +6,7 @@
 
 use crate::contour::{RadiusSource, Source};
 use crate::finding::{Code, Finding};
-use crate::profile::{NegativeRadius, Profile, RadiusKind, RadiusValue};
+use crate::profile::{NegativeRadius, OutputPoint, Profile, RadiusKind, RadiusValue};
 use crate::tool_table::{Offset, Tool, ToolTable, wear_turns_side};
 
 /// The radius in force, mm, signed, and what is to be said of it: an error when
@@ -77,7 +77,7 @@ fn value(
             Some(offset) => of_offset(number, offset, at)?,
             None => of_nose(number, tools, at)?,
         },
-        Some(RadiusSource::Diameter(diameter_mm)) => diameter_mm / 2.0,
+        Some(RadiusSource::Diameter { mm, .. }) => mm / 2.0,
         Some(RadiusSource::Radius(value_mm)) => match profile.radius.value_is {
             RadiusValue::Radius => value_mm,
             RadiusValue::Width => value_mm / 2.0,
@@ -129,8 +129,20 @@ fn double_radius(
     })
 }
 
-/// The tip direction that goes with the radius in force; 0 when there is none.
-pub fn tip(word: Option<RadiusSource>, spindle_tool: Option<u32>, tools: &ToolTable) -> u8 {
+/// The direction of the tip that the path is of, which goes with the radius in force; 0: the path is
+/// that of the centre.
+pub fn tip(
+    word: Option<RadiusSource>,
+    spindle_tool: Option<u32>,
+    profile: &Profile,
+    tools: &ToolTable,
+) -> u8 {
+    if let Some(RadiusSource::Diameter { tip: tip @ 1.., .. }) = word {
+        return tip;
+    }
+    if profile.output == OutputPoint::Center {
+        return 0;
+    }
     let of_tool = |number: u32| tools.tools.get(&number).map(|tool| tool.tip_direction);
     let of_offset = |number: u32| tools.offsets.get(&number).map(|offset| offset.tip_direction);
     match word {

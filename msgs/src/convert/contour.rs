@@ -72,7 +72,9 @@ impl From<&ContourEvent> for wire::ContourEvent {
                     RadiusSource::SpindleTool => (Self::RADIUS_SPINDLE_TOOL, 0, 0.0),
                     RadiusSource::Tool(tool) => (Self::RADIUS_TOOL, tool, 0.0),
                     RadiusSource::Offset(offset) => (Self::RADIUS_OFFSET, offset, 0.0),
-                    RadiusSource::Diameter(mm) => (Self::RADIUS_DIAMETER, 0, m_from_mm(mm)),
+                    RadiusSource::Diameter { mm, tip } => {
+                        (Self::RADIUS_DIAMETER, tip.into(), m_from_mm(mm))
+                    }
                     RadiusSource::Radius(mm) => (Self::RADIUS_RADIUS, 0, m_from_mm(mm)),
                     RadiusSource::SpindleToolPlus(mm) => {
                         (Self::RADIUS_SPINDLE_TOOL_PLUS, 0, m_from_mm(mm))
@@ -134,8 +136,8 @@ impl ContourEventKind {
                 feed_mm_per_min: received_mm_per_min(motion.feed_mm_per_min),
                 ..motion
             }),
-            Self::Radius(RadiusSource::Diameter(mm)) => {
-                Self::Radius(RadiusSource::Diameter(received_mm(mm)))
+            Self::Radius(RadiusSource::Diameter { mm, tip }) => {
+                Self::Radius(RadiusSource::Diameter { mm: received_mm(mm), tip })
             }
             Self::Radius(RadiusSource::Radius(mm)) => {
                 Self::Radius(RadiusSource::Radius(received_mm(mm)))
@@ -200,7 +202,12 @@ impl TryFrom<&wire::ContourEvent> for ContourEvent {
                     W::RADIUS_SPINDLE_TOOL => RadiusSource::SpindleTool,
                     W::RADIUS_TOOL => RadiusSource::Tool(event.number),
                     W::RADIUS_OFFSET => RadiusSource::Offset(event.number),
-                    W::RADIUS_DIAMETER => RadiusSource::Diameter(mm),
+                    W::RADIUS_DIAMETER => {
+                        let tip = u8::try_from(event.number).ok().filter(|&tip| tip <= 9);
+                        let value = event.number;
+                        let tip = tip.ok_or(WireError::Constant { field: "number", value })?;
+                        RadiusSource::Diameter { mm, tip }
+                    }
                     W::RADIUS_RADIUS => RadiusSource::Radius(mm),
                     W::RADIUS_SPINDLE_TOOL_PLUS => RadiusSource::SpindleToolPlus(mm),
                     W::RADIUS_NOSE => RadiusSource::Nose(event.number),

@@ -26,7 +26,7 @@ pub(crate) struct Leg<'a> {
     /// The signed offset at its end; it differs from that at its start in a
     /// block that changes the radius (S43).
     pub d_out_mm: f64,
-    /// Tip direction of the edge in force, 0 to 9.
+    /// Direction of the tip that the path is of, 1 to 9; 0: it is that of the centre.
     pub tip: u8,
     /// Where it ends along its run: mm on a line, rad on an arc.
     pub reach: f64,
@@ -106,7 +106,7 @@ pub(crate) struct Span<'a> {
     pub d_mm: f64,
     /// The signed offset at the end of the last leg.
     pub d_out_mm: f64,
-    /// Tip direction of the edge at the lead-on, 0 to 9.
+    /// Direction of the tip that the path is of at the lead-on, as of a leg.
     pub tip: u8,
     pub entry: Entry,
     pub legs: Vec<Leg<'a>>,

@@ -2,14 +2,73 @@
 
 mod support;
 
+use cnc_msgs::contour::ContourEvent;
 use cnc_msgs::finding::{Code, Severity};
+use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{LeadLength, NegativeRadius, Reselect};
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
+use cnc_msgs::wire::cnc_msgs::msg as wire;
 use support::*;
 
 fn ends_of(text: &str, radius: f64) -> Vec<[f64; 2]> {
     ends(&plan(text, &sinumerik(), &tool(radius)))
+}
+
+#[test]
+fn with_a_tip_direction_in_the_program_the_path_is_that_of_the_tip() {
+    const R: f64 = 0.8;
+    let text = |tip: u8| {
+        format!(
+            "F100\nG18\nG0 X0 Z0\nG42.1 D1.6 L{tip} G1 X10 Z20\nZ40\nX40\nZ20\nX20 Z10\nG40 G0 X60 Z0"
+        )
+    };
+    let profile = profile("rs274");
+    let contours: Vec<_> = (0..10).map(|tip| contour(&text(tip), &profile)).collect();
+    let plans: Vec<_> =
+        contours.iter().map(|it| plan_of(it, &profile, &ToolTable::default())).collect();
+    for event in contours.iter().flat_map(|contour| &contour.events) {
+        let sent = wire::ContourEvent::from(event);
+        assert_eq!(ContourEvent::try_from(&sent).unwrap().kind, event.kind.received());
+        if sent.kind == wire::ContourEvent::KIND_RADIUS {
+            let no_tip = wire::ContourEvent { number: 10, ..sent };
+            assert!(ContourEvent::try_from(&no_tip).is_err());
+        }
+    }
+    let elements = &plans[0].path.elements;
+    assert!(elements.len() > 9 && plans[0].accepted(), "{}", findings(&plans[0]));
+    // As LinuxCNC shifts it, along X and Z.
+    let shifts = [
+        [0.0, 0.0],
+        [R, R],
+        [R, -R],
+        [-R, -R],
+        [-R, R],
+        [0.0, R],
+        [R, 0.0],
+        [0.0, -R],
+        [-R, 0.0],
+        [0.0, 0.0],
+    ];
+    for (tip, [x, z]) in shifts.into_iter().enumerate() {
+        assert_eq!(plans[tip].path.elements.len(), elements.len());
+        assert_eq!(findings(&plans[tip]), findings(&plans[0]));
+        for (shifted, element) in plans[tip].path.elements.iter().zip(elements) {
+            let is_compensated = !matches!(element.role, Role::None | Role::LeadOff);
+            let [x, z] = if is_compensated { [x, z] } else { [0.0, 0.0] };
+            let moved = |[a, b, c]: [f64; 3]| [a + x, b, c + z];
+            let is_near =
+                |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+            assert!(is_near(shifted.end, moved(element.end)), "{tip}: {shifted:?} {element:?}");
+            if let (Shape::Arc(shifted), Shape::Arc(arc)) = (shifted.shape, element.shape) {
+                assert!(is_near(shifted.center, moved(arc.center)), "{tip}: {shifted:?} {arc:?}");
+            }
+        }
+        // The audit knows the direction by itself.
+        let other = &contours[(tip + 1) % 9];
+        let audit = path_audit::audit(other, &plans[tip].path, &profile, &ToolTable::default());
+        assert!(audit.findings.iter().any(|found| found.is_error()), "{tip}");
+    }
 }
 
 #[test]

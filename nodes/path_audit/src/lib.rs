@@ -32,7 +32,7 @@ use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::finding::{Finding, Severity};
 use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::{CompensatedPath, Role};
-use cnc_msgs::profile::{OutputPoint, Profile, Reaction};
+use cnc_msgs::profile::{Profile, Reaction};
 use cnc_msgs::tool_table::ToolTable;
 
 /// What an audit found, and how much it checked.
@@ -138,7 +138,6 @@ impl<'a> Auditor<'a> {
             program: program::read(&mut self.reader, contour),
             block_of: vec![program::NONE; path.elements.len()],
             roles: Vec::with_capacity(path.elements.len()),
-            is_of_tip: profile.output == OutputPoint::Tip,
         };
         if is_sane && align::align(&mut tool_path, &mut report) {
             events::check(&tool_path, profile, tools, &mut report);

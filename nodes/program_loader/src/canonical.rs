@@ -102,7 +102,8 @@ fn radius(source: RadiusSource) -> String {
         RadiusSource::SpindleTool => "of the tool in the spindle".to_owned(),
         RadiusSource::Tool(tool) => format!("of tool {tool}"),
         RadiusSource::Offset(offset) => format!("of offset {offset}"),
-        RadiusSource::Diameter(diameter) => format!("diameter {}", number(diameter)),
+        RadiusSource::Diameter { mm, tip: 0 } => format!("diameter {}", number(mm)),
+        RadiusSource::Diameter { mm, tip } => format!("diameter {}, tip {tip}", number(mm)),
         RadiusSource::Radius(radius) => number(radius),
         RadiusSource::Nose(nose) => format!("nose {nose}"),
         RadiusSource::SpindleToolPlus(radius) => {

@@ -223,6 +223,33 @@ fn d_is_a_tool_on_rs274_and_zero_or_none_is_the_tool_in_the_spindle() {
 }
 
 #[test]
+fn l_is_the_tip_direction_of_a_turning_tool_and_its_numbers_go_around_the_other_way() {
+    for (word, tip) in [
+        ("", ""),
+        ("L0", ""),
+        ("L1", ", tip 4"),
+        ("L2", ", tip 3"),
+        ("L3", ", tip 2"),
+        ("L4", ", tip 1"),
+        ("L5", ", tip 5"),
+        ("L6", ", tip 8"),
+        ("L7", ", tip 7"),
+        ("L8", ", tip 6"),
+        ("L9", ", tip 9"),
+    ] {
+        let radius = format!("radius diameter 1.6{tip}");
+        let text = format!("G18 G42.1 D1.6 {word}");
+        check("rs274", &text, &["plane zx", &radius, "select right"]);
+    }
+    check_bad("rs274", "G18 G42.1 D1.6 L10", &[("bad_number", "L10")]);
+    check_bad("rs274", "G18 G42.1 D1.6 L2.5", &[("bad_number", "L2.5")]);
+    check_bad("rs274", "G18 G42.1 D1.6 L-1", &[("bad_number", "L-1")]);
+    for elsewhere in ["G42.1 D1.6 L2", "G19 G42.1 D1.6 L2", "G18 G42 D1 L2"] {
+        check_bad("rs274", elsewhere, &[("syntax", "L2")]);
+    }
+}
+
+#[test]
 fn s17_d_is_modal_on_the_840c_and_may_stand_before() {
     check("sinumerik_840c", "D3\nG41", &["G43 H3", "radius of offset 3", "select left"]);
     check("sinumerik_840c", "G41 D07", &["G43 H7", "radius of offset 7", "select left"]);

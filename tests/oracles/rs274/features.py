@@ -860,6 +860,16 @@ def diameters(program, rng):
     program.add("G8")
 
 
+@feature("tip directions", 40)
+def tips(program, rng):
+    # Around a step, outside, from a place that is far enough for any tip; every direction in turn.
+    program.add("G18", f"G0 X{length(0)} Z{length(0)}",
+                f"G42.1 D{length(rng.choice([0.4, 1.6, 2.4]))} L{program.seed % 10} "
+                f"G1 X{length(10)} Z{length(rng.randint(15, 20))}", f"Z{length(30)}",
+                f"X{length(30)}", f"G{rng.choice([2, 3])} X{length(40)} Z{length(40)} R{length(10)}",
+                f"G1 X{length(60)}", f"G40 G0 X{length(rng.randint(70, 80))} Z{length(60)}")
+
+
 @feature("splines", 40)
 def splines(program, rng):
     program.scales = False

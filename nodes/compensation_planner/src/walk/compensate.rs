@@ -187,7 +187,7 @@ impl Solution {
         let joined = Joined { links, placed, corners };
         out.side = side_of(span.d_mm);
         // The path is computed at the tool centre, and written there or at the tip.
-        let to_tip = tool_tip::TipShift::new(span, profile);
+        let to_tip = tool_tip::TipShift::new(span);
         out.position = to_tip.centre(span.plane, out.position, to_tip.first);
         let mut writer = SpanWriter {
             span,

@@ -73,7 +73,7 @@ impl<'a> Walk<'a> {
             start: in_plane(active.span.plane, start),
             corner,
             d_out_mm,
-            tip: radius::tip(self.radius, self.spindle_tool, self.tools),
+            tip: radius::tip(self.radius, self.spindle_tool, self.profile, self.tools),
             reach: 0.0,
         });
     }
@@ -115,7 +115,7 @@ impl<'a> Walk<'a> {
             plane,
             d_mm,
             d_out_mm: d_mm,
-            tip: radius::tip(self.radius, self.spindle_tool, self.tools),
+            tip: radius::tip(self.radius, self.spindle_tool, self.profile, self.tools),
             entry: Entry { lead, is_link: link.is_some(), is_joined, from: None },
             legs: Vec::new(),
             items: Vec::new(),

@@ -15,7 +15,6 @@ use crate::geometry::frame::{height, in_plane, in_work};
 use crate::span::Span;
 use cnc_msgs::geometry::{Plane, Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
-use cnc_msgs::profile::{OutputPoint, Profile};
 
 /// From S to P in radii, along the first and second axis of the plane (Z and X),
 /// by tip direction. 0 and 9: the tip is the centre.
@@ -48,13 +47,11 @@ pub(crate) struct TipShift {
 }
 
 impl TipShift {
-    pub(crate) fn new(span: &Span<'_>, profile: &Profile) -> Self {
-        if profile.output == OutputPoint::Center {
-            return Self { first: Vec2::zeros(), last: Vec2::zeros(), is_at_tip: false };
-        }
+    pub(crate) fn new(span: &Span<'_>) -> Self {
+        let is_at_tip = span.tip != 0 || span.legs.iter().any(|leg| leg.tip != 0);
         let first = vector(span.tip, span.d_mm);
         let last = span.legs.last().map_or(first, |leg| vector(leg.tip, leg.d_out_mm));
-        Self { first, last, is_at_tip: true }
+        Self { first, last, is_at_tip }
     }
 
     /// The centre of a tool with its tip at this position.

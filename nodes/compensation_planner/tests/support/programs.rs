@@ -168,7 +168,8 @@ impl Reader {
         self.feed = get('F').unwrap_or(self.feed);
         let is_diameter = words.contains(&('G', 41.1)) || words.contains(&('G', 42.1));
         let radius = match self.dialect {
-            Dialect::Rs274 if is_diameter => get('D').map(RadiusSource::Diameter),
+            Dialect::Rs274 if is_diameter => get('D')
+                .map(|mm| RadiusSource::Diameter { mm, tip: get('L').map_or(0, |tip| tip as u8) }),
             Dialect::Rs274 => get('D').map(|d| RadiusSource::Tool(d as u32)),
             Dialect::Sinumerik840c | Dialect::Nct => {
                 get('D').map(|d| RadiusSource::Offset(d as u32))

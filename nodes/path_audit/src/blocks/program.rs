@@ -379,7 +379,7 @@ impl Reader<'_> {
 
     fn open(&mut self, side: CutterSide, source: Source) {
         let d_mm = self.signed(side, source);
-        let tip = radius::tip(self.word, self.spindle_tool, self.tools);
+        let tip = radius::tip(self.word, self.spindle_tool, self.profile, self.tools);
         self.offset = Offset { d_in: d_mm, d_out: d_mm, tip_in: tip, tip, ..self.offset };
         self.state =
             CompensationState::Active { side, cancels: false, relinks: None, changes: None };
@@ -401,7 +401,7 @@ impl Reader<'_> {
             waits => waits.map(|blocks| blocks - 1),
         };
         self.legs += 1;
-        self.offset.tip = radius::tip(self.word, self.spindle_tool, self.tools);
+        self.offset.tip = radius::tip(self.word, self.spindle_tool, self.profile, self.tools);
         if self.radius_changes && is_line {
             self.radius_changes = false;
             if let CompensationState::Active { side, .. } = self.state {

@@ -30,7 +30,6 @@ pub(crate) struct ToolPath<'a> {
     pub block_of: Vec<u32>,
     /// The role of each element, in an array of its own.
     pub roles: Vec<Role>,
-    pub is_of_tip: bool,
 }
 
 impl ToolPath<'_> {
@@ -54,7 +53,7 @@ impl ToolPath<'_> {
 
     /// From the centre to the point of the tool that the path describes at this element, mm.
     fn to_tip(&self, element: usize) -> Point {
-        if !self.is_of_tip || self.is_free(element) {
+        if self.is_free(element) {
             return Point::zeros();
         }
         let block = self.block_of[element];
@@ -74,7 +73,7 @@ impl ToolPath<'_> {
     /// Where the centre is at the start of an element.
     pub(crate) fn start(&self, element: usize) -> Point {
         match element.checked_sub(1) {
-            Some(before) if !self.is_of_tip || !self.is_free(before) => {
+            Some(before) if !self.is_free(before) => {
                 flat(self.plane(element), self.path.elements[before].end) - self.to_tip(before)
             }
             _ => flat(self.plane(element), self.position_before(element)) - self.to_tip(element),

@@ -13,7 +13,7 @@ use crate::dialect::{ApproachWords, GWord, Group, Mode, RadiusWord};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{Action, Approach, ContourEventKind, CutterSide, RadiusSource, Source};
 use cnc_msgs::finding::{Code, Finding, Severity};
-use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Direction};
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Direction, Plane};
 use cnc_msgs::profile::ZeroOffset;
 
 #[derive(Debug, Clone, Default)]
@@ -37,6 +37,9 @@ pub(super) struct Compensation {
     /// A D after that, which selects nothing.
     vain_offset: Option<Source>,
 }
+
+/// The tip direction of the tool table for each of LinuxCNC, whose numbers go around the other way.
+const TIPS: [u8; 10] = [0, 4, 3, 2, 1, 5, 8, 7, 6, 9];
 
 impl Compensation {
     /// The block that selected compensation, while it is on.
@@ -357,7 +360,9 @@ impl Interpreter<'_> {
                     let help = "write the diameter of the tool after D";
                     return self.report_at(scene, at, Code::MissingWord, message, help);
                 };
-                self.emit(ContourEventKind::Radius(RadiusSource::Diameter(diameter)));
+                let tip = self.take_tip(scene);
+                let radius = RadiusSource::Diameter { mm: diameter, tip };
+                self.emit(ContourEventKind::Radius(radius));
             }
             RadiusWord::Tool => {
                 self.check_plane(scene, "cutter radius compensation");
@@ -369,6 +374,23 @@ impl Interpreter<'_> {
         }
         self.modal.compensation.side = Some(side);
         self.emit_selection(scene, side);
+    }
+
+    /// The tip direction of a turning tool that L names; 0 without one, and out of the plane ZX,
+    /// where L has no meaning.
+    fn take_tip(&mut self, scene: &mut Scene<'_>) -> u8 {
+        if self.modal.plane != Plane::Zx {
+            return 0;
+        }
+        let Some(direction) = self.take_number(scene, b'L') else { return 0 };
+        if let Some(&tip) = TIPS.get(direction as usize) {
+            return tip;
+        }
+        let word = scene.quote(self.request.word(b'L'));
+        let message = format!("{word} is not the direction of a tip");
+        let help = "write L1 to L8, or L0 for the centre of the tool";
+        self.report(scene, b'L', Code::BadNumber, message, help);
+        0
     }
 
     fn select_with_offset(&mut self, scene: &mut Scene<'_>, side: CutterSide, at: usize) {

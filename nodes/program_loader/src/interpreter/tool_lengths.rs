@@ -265,7 +265,7 @@ impl Interpreter<'_> {
         let number = tool.or(self.modal.spindle_tool);
         let entry = |number| self.tool_entries.get(&number)?.radius_mm;
         if let Some(radius_mm) = number.and_then(entry) {
-            return RadiusSource::Diameter(2.0 * radius_mm);
+            return RadiusSource::Diameter { mm: 2.0 * radius_mm, tip: 0 };
         }
         if number.is_none() && self.tool_entries.values().any(|entry| entry.radius_mm.is_some()) {
             let message =
