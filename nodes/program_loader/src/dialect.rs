@@ -13,6 +13,7 @@ mod sinumerik_840c;
 
 use crate::block::LexerRules;
 pub(crate) use crate::interpreter::{Cycle, OffsetWord, Spline, StateWord};
+use crate::turning::{Along, Pockets};
 use cnc_msgs::contour::{CoolantMode, CutterSide, Probe, SpindleMode};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile;
@@ -126,6 +127,8 @@ pub(crate) enum GWord {
     },
     /// Whether X is a diameter.
     Diameter(bool),
+    /// G70 to G72.
+    LatheCycle(LatheCycle),
     /// Known, but not supported here; the text says what to do instead.
     Refused(&'static str),
     /// A canned cycle or similar: axis words after it are not moves.
@@ -166,7 +169,7 @@ impl GWord {
     /// The group; `None` for words that are always rejected.
     pub(crate) const fn group(self) -> Option<Group> {
         Some(match self {
-            Self::Motion(_) | Self::RefusedMotion(_) => Group::Motion,
+            Self::Motion(_) | Self::LatheCycle(_) | Self::RefusedMotion(_) => Group::Motion,
             // It is in the motion group by the standard. But many posted programs begin with
             // `G0 G17 G80`, which is unambiguous without cycles.
             Self::NoMotion => Group::CycleCancel,
@@ -241,6 +244,15 @@ pub(crate) enum Mode {
     Thread,
     /// G76: a thread in passes.
     ThreadCycle,
+}
+
+/// A lathe cycle along a profile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LatheCycle {
+    /// G70.
+    Finish,
+    /// G71 and G72, and those with .1 and .2.
+    Rough { along: Along, pockets: Pockets },
 }
 
 /// Where a tool length comes from.

@@ -331,14 +331,43 @@ impl<'t> Flow<'t> {
         };
         let Scene { line, statement, world } = scene;
         self.enter(*line, statement.start, statement.end, world.findings)?;
-        let saved = Some(Box::new(world.parameters.enter(&arguments)));
+        Ok(self.begin_sub(entry, at, line.number, &arguments, world))
+    }
+
+    /// Goes to where a subroutine begins, from the line of its call.
+    fn begin_sub(
+        &mut self,
+        entry: usize,
+        at: Cursor,
+        line: u32,
+        arguments: &[f64],
+        world: &mut World<'_, '_>,
+    ) -> Next {
+        let saved = Some(Box::new(world.parameters.enter(arguments)));
         world.parameters.set_returned(None);
         let return_to = next_line(self.text, at);
-        let line = line.number;
         let row = self.begin_call('o', entry, line);
         let call = Call { entry, return_to, line, row, saved, repeats: 0, pass: 1 };
         self.frames.push(Frame { loops: Vec::new(), call: Some(call) });
-        Ok(Next::Jump(self.map.entries[entry].next))
+        Next::Jump(self.map.entries[entry].next)
+    }
+
+    /// Calls the subroutine with the profile of the lathe cycle in this line.
+    pub(crate) fn call_profile(
+        &mut self,
+        at: Cursor,
+        line: Line<'_>,
+        number: u32,
+        world: &mut World<'_, '_>,
+    ) -> Next {
+        let Some(&entry) = self.map.subs.get(number.to_string().as_str()) else {
+            world.findings.push(no_profile(line, number));
+            return Next::Stop;
+        };
+        match self.enter(line, 0, usize::MAX, world.findings) {
+            Ok(()) => self.begin_sub(entry, at, line.number, &[], world),
+            Err(Stopped) => Next::Stop,
+        }
     }
 
     /// Checks that there may be one subroutine more.
@@ -405,6 +434,13 @@ impl<'t> Flow<'t> {
             self.loops().pop();
         }
     }
+}
+
+/// That the program lacks the subroutine with a profile.
+pub(crate) fn no_profile(line: Line<'_>, number: u32) -> Finding {
+    let message = format!("there is no subroutine O{number}");
+    let help = format!("write o{number} sub ... o{number} endsub into the program");
+    Finding::error(Code::Syntax, line.source(None, 0, usize::MAX), message).help(help)
 }
 
 /// The line after the one that begins here.

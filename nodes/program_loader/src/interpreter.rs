@@ -20,6 +20,7 @@ mod offsets;
 mod polar;
 mod polar_words;
 mod probe;
+mod profile;
 mod refusals;
 mod request;
 mod saved_state;
@@ -31,6 +32,7 @@ mod system;
 mod threads;
 mod tool_lengths;
 mod turn;
+mod turning;
 
 use crate::block::Block;
 use crate::bounds::Bounds;
@@ -77,6 +79,8 @@ pub(crate) enum After {
     },
     /// M99.
     EndOfProgram,
+    /// G70 to G72: the subroutine with the profile, by its number.
+    Profile(u32),
     /// Nothing: the block needs the result of a probe that is still to come.
     Probe,
 }
@@ -119,6 +123,8 @@ pub(crate) struct Interpreter<'r> {
     /// P and Q of the last G5, while no other motion has come.
     last_cubic: Option<[f64; 2]>,
     probes: Probes,
+    /// A lathe cycle whose profile is being read.
+    profile: Option<Box<turning::Profile>>,
 }
 
 impl<'r> Interpreter<'r> {
@@ -161,6 +167,7 @@ impl<'r> Interpreter<'r> {
             curve_work: 0,
             last_cubic: None,
             probes: Probes::default(),
+            profile: None,
         }
     }
 
@@ -223,6 +230,10 @@ impl<'r> Interpreter<'r> {
         self.shared = Letters::NONE;
         self.called = None;
         self.request.read(&mut scene);
+        if self.profile.is_some() {
+            self.profile_block(&mut scene);
+            return After::Block;
+        }
         if self.request.polar != [None; 2] {
             self.check_polar_words(&mut scene);
         }
@@ -237,6 +248,9 @@ impl<'r> Interpreter<'r> {
         if block.is_cut {
             self.axes.poison(AxisSet::ALL);
             self.further.poison_known();
+        }
+        if let Some(number) = self.opened_profile() {
+            return After::Profile(number);
         }
         match self.request.m_at(0) {
             None if self.request.present.intersection(self.rules.call_letters).is_empty() => {

@@ -30,6 +30,7 @@ mod number;
 mod parameters;
 mod reader;
 mod rules;
+mod turning;
 mod values;
 
 pub mod canonical;

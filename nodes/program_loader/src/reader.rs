@@ -14,7 +14,7 @@ use crate::block::Block;
 use crate::dialect::{Dialect, GWord, OffsetWord};
 use crate::expression::Parameter;
 use crate::findings::{Findings, Mark};
-use crate::flow::{Cursor, Flow, FlowMap, Next, World, no_program};
+use crate::flow::{Cursor, Flow, FlowMap, Next, World, no_profile, no_program};
 use crate::interpreter::{After, Interpreter, code_in_tenths};
 use crate::lexer;
 use crate::limits;
@@ -317,6 +317,7 @@ impl<'r> Reader<'r> {
             Next::Jump(to) => {
                 let depth = self.flow.as_ref().map_or(0, Flow::depth);
                 let source = line.source(None, 0, line.text.trim_ascii_end().len());
+                self.interpreter.follow_profile(depth, &mut self.findings);
                 self.interpreter.set_depth(depth, source, &mut self.findings);
                 Outcome::Jump(to)
             }
@@ -376,6 +377,14 @@ impl<'r> Reader<'r> {
                     findings: &mut self.findings,
                 };
                 flow.call_program(at, line, program, times, &mut world)
+            }
+            After::Profile(number) => {
+                let mut world = World {
+                    parameters: &mut self.parameters,
+                    interpreter: &self.interpreter,
+                    findings: &mut self.findings,
+                };
+                flow.call_profile(at, line, number, &mut world)
             }
             After::EndOfProgram => match flow.end_program() {
                 Some(next) => next,
@@ -438,6 +447,8 @@ impl<'r> Reader<'r> {
             };
             let source = line.source(self.block.number, self.block.start, self.block.end);
             self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
+        } else if let After::Profile(number) = after {
+            self.findings.push(no_profile(line, number));
         } else {
             self.refuse_endless(line, None);
         }

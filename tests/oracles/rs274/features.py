@@ -907,6 +907,120 @@ def threads_with_angled_ends(program, rng):
         "G33.1 Z-10 K1", "G76 P1 Z-20 I-1 J0.3 K2 R1.5 Q29.5 H2 E0.5 L2"]), "G0 Z5")
 
 
+def lathe_profile(rng, goes_down, keeps):
+    """Heights over the way along a profile, and what leads to each: the radius of an arc to the left, to the
+    right, or None; and what its end is rounded with."""
+    points = [(0.0, rng.uniform(2.0, 6.0), None, "")]
+    last = ""
+    for _ in range(rng.randint(2, 8)):
+        kinds = ["level", "rise", "wall", "arc", *(["fall"] if goes_down else []),
+                 *(["drop"] if goes_down and not keeps and last else [])]
+        kind = rng.choice([it for it in kinds if it != last and not {it, last} <= {"wall", "drop"}])
+        way, height = points[-1][:2]
+        along, up = rng.uniform(1.5, 6.0), rng.uniform(1.5, 5.0)
+        end = {"level": (along, 0.0), "rise": (along, up), "wall": (0.0, up), "drop": (0.0, -up / 2.0),
+               "fall": (along, -up / 2.0), "arc": (along, rng.choice([1, 1, -1 if goes_down else 1]) * up / 2.0)}[kind]
+        end = round(way + end[0], 3), round(height + end[1], 3)
+        radius = None
+        if kind == "arc":
+            chord, slope = math.dist((way, height), end), abs(math.atan2(end[1] - height, end[0] - way))
+            left = slope > 0.15 and rng.random() < 0.5
+            # Where an arc has its lowest place between its ends, LinuxCNC leaves out layers after it.
+            half = rng.uniform(0.1, min(slope, math.radians(88.0) - slope) if left else math.radians(88.0) - slope)
+            radius = (1 if left else -1) * math.ceil(chord / 2.0 / math.sin(half) * 1000.0) / 1000.0
+        points.append((*end, radius, rng.choice(["", "", "", "A", "C"])))
+        last = kind
+    # It ends higher than it begins.
+    highest = max(it[1] for it in points)
+    end = points[-1][0] + rng.uniform(1.0, 4.0), highest + rng.uniform(0.1, 3.0)
+    points.append((*end, None, ""))
+    return [(round(way, 3), round(height, 3), *more) for way, height, *more in points]
+
+
+def lathe_words(rng, number, points, place, mirrored, wide):
+    """The subroutine with a profile. `place` says Z and X of a way and a height."""
+    lines = [f"o{number} sub"]
+    before = None
+    for at, (way, height, radius, bevel) in enumerate(points):
+        z, x = place(way, height)
+        if at == 0:
+            lines.append(f"G0 X{length(wide * x)} Z{length(z)}")
+        else:
+            words = f"X{length(wide * x)} Z{length(z)}"
+            if rng.random() < 0.15:
+                words = f"U{length(wide * (x - before[1]))} Z{length(z)}"
+            elif rng.random() < 0.15:
+                words = f"X{length(wide * x)} W{length(z - before[0])}"
+            code = rng.choice(["G1", "G1", "G0"])
+            if radius is not None:
+                code = "G2" if (radius < 0) != mirrored else "G3"
+                words += f" R{length(abs(radius))}"
+            # Both motions have to be long enough for it.
+            following = points[at + 1] if at + 1 < len(points) else None
+            if bevel and following and radius is None and following[2] is None:
+                words += f" {bevel}{length(rng.choice([0.1, 0.25]))}"
+            lines.append(f"{code} {words}" + rng.choice(["", "", " F50"]))
+        before = z, x
+    return [*lines, f"o{number} endsub"]
+
+
+@feature("lathe cycles", 150)
+def lathe_cycles(program, rng):
+    face = rng.random() < 0.4
+    cycle = rng.choice(["G70", "G71", "G71", "G71.1", "G71.2"])
+    goes_down = rng.random() < 0.6
+    # LinuxCNC does not end where a distance is kept and the cycle begins level with a wall.
+    # Towards plus Z, LinuxCNC takes the other side for the distances of G70.
+    runs = rng.choice([-1, -1, 1]) if cycle != "G70" or face else -1
+    rises = rng.choice([1, 1, -1])
+    shift = rng.uniform(15.0, 25.0)
+
+    def place(way, height):
+        along, across = runs * way, rises * height
+        return (round(across, 3), round(along + shift, 3)) if face else (round(along, 3), round(across + shift, 3))
+
+    mirrored = (runs * rises < 0) != face
+    wide = 1
+    setting = rng.choice(["", "", "", "G7", "G20", "G55", "G92 X1 Z-2"])
+    # Of features below a tenth of a unit LinuxCNC leaves out arcs, which shows where a distance is kept.
+    program.scales = "G92" not in setting
+    keeps = program.scales and rng.random() < 0.6
+    points = lathe_profile(rng, goes_down, keeps)
+    if setting == "G7":
+        wide = 2
+    program.add("G18", setting, f"F{rng.randint(1, 9)}0")
+    program.add(*lathe_words(rng, 100, points, place, mirrored, wide))
+    top = max(it[1] for it in points)
+    before = rng.choice([1.0, 2.0] if keeps or cycle == "G70" else [0.0, 3.0])
+    above = [top + rng.uniform(0.1, 4.0), max(points[-1][1] - 0.05, points[0][1] + 1.0)]
+    start = place(-before, rng.choice(above))
+    there = f"X{length(wide * start[1])} Z{length(start[0])}"
+    far = place(-6.0, top + 6.0)
+    program.add(f"G0 X{length(wide * far[1])} Z{length(far[0])}")
+    if rng.random() < 0.5:
+        program.add(f"G0 {there}")
+        there = ""
+
+    def some(letter, values, chance=0.7):
+        if letter in "DE" and not keeps:
+            return ""
+        if rng.random() < chance or keeps:
+            return f"{letter}{length(rng.choice(values))}"
+        program.scales = False
+        return ""
+
+    if cycle == "G70":
+        passes = rng.choice(["", "P1", "P2", "P3"]) if not face else ""
+        words = [some("D", [0.0, 0.3, 0.5]), some("E", [0.0, 0.07, 0.2]), passes]
+        program.add(" ".join(["G70 Q100", there, *words]))
+    else:
+        cycle = cycle.replace("G71", "G72") if face else cycle
+        words = [some("D", [0.0, 0.1, 0.35]), some("I", [0.7, 1.13, 2.31, 4.0], 0.8), some("R", [0.0, 0.2, 1.0, 3.0])]
+        program.add(" ".join([cycle, "Q100", there, *words]))
+    program.add(rng.choice(["", f"X{length(wide * far[1])}"]), f"G0 X{length(wide * far[1])}", f"Z{length(far[0])}",
+                "G92.1", "G21", "G8", "G54")
+
+
 @feature("probes", 30)
 def probes(program, rng):
     program.scales = False

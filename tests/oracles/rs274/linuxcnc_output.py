@@ -51,8 +51,8 @@ class Reader:
                 self.function(word, arguments)
                 if word == "PROGRAM_END":
                     break
-            else:
-                # PRINT writes the bare text.
+            elif not line.startswith("Oops ("):
+                # PRINT writes the bare text. Lathe cycles say Oops of arcs whose ends were rounded.
                 self.event("message", line)
         return self.items
 

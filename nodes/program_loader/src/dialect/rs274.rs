@@ -1,10 +1,11 @@
 //! RS-274/NGC as in LinuxCNC, or as in grbl where LinuxCNC leaves a choice.
 
 use super::{
-    ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, LengthWord, Letters, MWord,
-    Mode, OffsetWord, Spline, StateWord, Units,
+    ApproachWords, Cycle, Dialect, Distance, FeedMode, GWord, Group, LatheCycle, LengthWord,
+    Letters, MWord, Mode, OffsetWord, Spline, StateWord, Units,
 };
 use crate::block::LexerRules;
+use crate::turning::{Along, Pockets};
 use cnc_msgs::contour::{CoolantMode, CutterSide, Probe, SpindleMode};
 use cnc_msgs::geometry::Plane;
 
@@ -82,9 +83,15 @@ fn g(tenths: u16) -> GWord {
         384 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: false })),
         385 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: true })),
         760 => GWord::Motion(Mode::ThreadCycle),
-        700 | 710..=712 | 720..=722 => GWord::Refused(
-            "lathe cycles are not written out as moves; post the cuts as lines and arcs",
-        ),
+        700 => GWord::LatheCycle(LatheCycle::Finish),
+        710..=712 | 720..=722 => GWord::LatheCycle(LatheCycle::Rough {
+            along: if tenths < 720 { Along::Z } else { Along::X },
+            pockets: match tenths % 10 {
+                1 => Pockets::None,
+                2 => Pockets::Only,
+                _ => Pockets::All,
+            },
+        }),
         960 => GWord::SurfaceSpeed(true),
         970 => GWord::SurfaceSpeed(false),
         930 => GWord::FeedMode(FeedMode::InverseTime),

@@ -55,7 +55,7 @@ impl Interpreter<'_> {
     }
 
     /// P: the number of turns of the arc, at least 1.
-    fn turns(&mut self, scene: &mut Scene<'_>) -> Option<u16> {
+    pub(super) fn turns(&mut self, scene: &mut Scene<'_>) -> Option<u16> {
         if !self.rules.dialect.arc_radius_and_turns {
             return Some(1);
         }
@@ -74,7 +74,7 @@ impl Interpreter<'_> {
     }
 
     /// Finds the centre from I, J, K or R; `None` after an error, or in a block that has one.
-    fn center(
+    pub(super) fn center(
         &mut self,
         scene: &mut Scene<'_>,
         [first, second]: [usize; 2],

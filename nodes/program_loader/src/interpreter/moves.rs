@@ -42,6 +42,14 @@ impl Interpreter<'_> {
             self.modal.mode = None;
             self.end_cycles();
         }
+        if let Some((GWord::LatheCycle(cycle), at)) = word {
+            self.end_cycles();
+            self.last_cubic = None;
+            if self.has_further() {
+                let _ = self.further_motion(scene, true);
+            }
+            return self.lathe_cycle(scene, cycle, at);
+        }
         match word {
             Some((GWord::Motion(mode), _)) => {
                 if !matches!(mode, Mode::Cycle(_)) {
@@ -189,7 +197,7 @@ impl Interpreter<'_> {
 
     /// Millimetres of one unit of an axis word; a diameter counts half.
     #[inline]
-    fn scale_of(&self, axis: usize) -> f64 {
+    pub(super) fn scale_of(&self, axis: usize) -> f64 {
         let is_diameter = axis == 0 && self.modal.x_is_diameter;
         if is_diameter { self.scale() / 2.0 } else { self.scale() }
     }
