@@ -17,8 +17,8 @@ pub(crate) use corners::{Bevel, Corner};
 use frame::{Frame, beside};
 pub(crate) use passes::Pockets;
 use passes::{Passes, rough};
-use piece::apart;
 pub(crate) use piece::{Circle, Piece, Point};
+use piece::{apart, cross, minus};
 
 /// A coordinate that goes back by less still runs one way, mm: three decimals of an arc's centre, rounded.
 const RUNS_BACK_MM_MAX: f64 = 0.001;
@@ -155,9 +155,17 @@ fn finish(
             let differs = one.is_mirrored() != other.is_mirrored();
             let is_face = one.runs_towards_plus();
             if keeps_away && differs && is_face && tells && other_tells {
-                return Err(Trouble::Side);
+                let (first, last) = (pieces[0].from, pieces[pieces.len() - 1].to);
+                let side = cross(minus(last, first), minus(start, first));
+                if side.abs() <= SAME_MM {
+                    return Err(Trouble::Side);
+                }
+                if one.is_mirrored() == (side < 0.0) { one } else { other }
+            } else if !tells && other_tells {
+                other
+            } else {
+                one
             }
-            if !tells && other_tells { other } else { one }
         }
         [Ok(one), Err(_)] | [Err(_), Ok(one)] => one,
         [Err(Trouble::RunsBack { origin, .. }), Err(_)] => {
