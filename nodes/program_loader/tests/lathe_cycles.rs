@@ -145,6 +145,12 @@ fn a_finishing_cycle_follows_the_profile_in_so_many_passes() {
             "G70 Q100",
             "r5,2 f5,-1 f6,-1 f6,-4 f7,-4",
         ),
+        // A cone that is bored from its end: the cycle begins above it, and beside its first point.
+        (
+            "G0 X0 Z-10\nG1 X4 Z-7\nX10 Z-7",
+            "G70 Q100 X1 Z1 E1",
+            "r1,1 r0,1 r-0.6,-9.2 f3.4,-6.2 a4,-6 f10,-6",
+        ),
         // Begun beyond the first point, it does not go across the part.
         ("G0 X5 Z2\nG1 Z-10\nX16 Z-25", "G70 Q100 Z-20", "r20,-20 r20,2 r5,2 f5,-10 f16,-25"),
     ] {
