@@ -120,6 +120,8 @@ fn message(out: &mut String, definition: &Definition, refusals: &mut Vec<Interfa
         struct_field(out, field);
     }
     out.push_str("}\n");
+    let fields: Vec<_> = definition.fields.iter().map(|field| field_name(&field.name).0).collect();
+    line(out, &format!("crate::cdr_struct!({name} {{ {} }});", fields.join(", ")));
     if has_defaults {
         default(out, &name, &definition.fields);
     }

@@ -10,7 +10,7 @@ mod cut;
 
 pub use collect::{Chunk, ChunkError, Collector};
 
-use crate::cdr;
+use crate::cdr::{Cdr, Writer};
 use crate::contour::{ContourEvent, ContourEventKind, ProgrammedContour};
 use crate::convert::{chain_to_wire, path_element_to_wire};
 use crate::path::CompensatedPath;
@@ -302,19 +302,27 @@ fn contour_body(
     event_calls: &Vec<u32>,
     calls: &Vec<wire::Call>,
 ) -> Vec<u8> {
-    let mut body = cdr::body(events);
+    let mut out = Writer::default();
+    events.write(&mut out);
     if !event_calls.is_empty() || !calls.is_empty() {
-        body.extend(cdr::body(&(event_calls, calls)));
+        out = Writer::after(out.into_bytes());
+        event_calls.write(&mut out);
+        calls.write(&mut out);
     }
-    body
+    out.into_bytes()
 }
 
 /// The same of a chunk of a path.
 fn path_body(chunk: &wire::PathChunk) -> Vec<u8> {
     let wire::PathChunk { elements, events, element_calls, event_calls, calls, .. } = chunk;
-    let mut body = cdr::body(&(elements, events));
+    let mut out = Writer::default();
+    elements.write(&mut out);
+    events.write(&mut out);
     if !element_calls.is_empty() || !event_calls.is_empty() || !calls.is_empty() {
-        body.extend(cdr::body(&(element_calls, event_calls, calls)));
+        out = Writer::after(out.into_bytes());
+        element_calls.write(&mut out);
+        event_calls.write(&mut out);
+        calls.write(&mut out);
     }
-    body
+    out.into_bytes()
 }

@@ -3,11 +3,10 @@
 //! Traits only; the implementations are generated with the structs in
 //! [`crate::wire`], and the schemas are in [`crate::schema`].
 
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use crate::cdr::Cdr;
 
 /// A struct that is one CDR message.
-pub trait Message: Serialize + DeserializeOwned + Clone + Send + Sync + 'static {
+pub trait Message: Cdr + Clone + Send + Sync + 'static {
     /// `cnc_msgs/msg/Program`, or `cnc_msgs/srv/LoadProgram_Request` for a part
     /// of a service.
     const TYPE_NAME: &'static str;

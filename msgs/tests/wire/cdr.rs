@@ -9,6 +9,8 @@ use cnc_msgs::cdr;
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 use cnc_msgs::wire::sensor_msgs::msg::CompressedImage;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 /// A row, encoded and decoded with our structs.
@@ -22,7 +24,10 @@ struct Encoded {
     accepted_cut: Option<usize>,
 }
 
-fn encode<M: Message + Default + Debug + PartialEq>(value: &Value) -> Encoded {
+fn encode<M>(value: &Value) -> Encoded
+where
+    M: Message + Serialize + DeserializeOwned + Default + Debug + PartialEq,
+{
     let message: M = serde_json::from_value(value.clone()).unwrap_or_else(|error| {
         panic!("the row of {} does not fit: {error}; run oracle.py --write", M::TYPE_NAME)
     });

@@ -172,7 +172,7 @@ pub enum ProtocolError {
 /// # Errors
 /// It is longer than a frame may be.
 pub fn frame<T: Serialize>(message: &T) -> Result<Vec<u8>, ProtocolError> {
-    let body = cdr::body(message);
+    let body = cdr::record(message);
     let length = u32::try_from(body.len()).ok().filter(|_| body.len() <= FRAME_BYTES_MAX);
     let Some(length) = length else {
         return Err(ProtocolError::TooLong { bytes: body.len() });
@@ -214,7 +214,7 @@ impl Deframer {
             return Err(ProtocolError::TooLong { bytes: length });
         }
         let Some(body) = rest.get(..length) else { return Ok(None) };
-        let message = cdr::from_body(body)?;
+        let message = cdr::from_record(body)?;
         self.taken += LENGTH_BYTES + length;
         Ok(Some(message))
     }

@@ -11,7 +11,6 @@ use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, Recording};
 use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
 use rustix::process::{Pid, Signal, kill_process};
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -162,16 +161,19 @@ fn a_motion_process_that_is_stopped_is_never_said_to_run() {
 /// The service for the result of a run, called as a client library does: once.
 struct GetResult;
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 struct GetResultRequest {
     goal_id: UUID,
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 struct GetResultResponse {
     status: i8,
     result: RunProgramResult,
 }
+
+cnc_msgs::cdr_struct!(GetResultRequest { goal_id });
+cnc_msgs::cdr_struct!(GetResultResponse { status, result });
 
 impl Message for GetResultRequest {
     const TYPE_NAME: &'static str = "";

@@ -79,7 +79,7 @@ enum Answer {
 fn seal(plan: &mut Plan) {
     let mut bodies = Vec::new();
     for chunk in &mut plan.chunks {
-        let body = cdr::body(&(&chunk.elements, &chunk.events));
+        let body = cdr::record(&(&chunk.elements, &chunk.events));
         chunk.crc32 = cnc_msgs::chunk::crc32(&body);
         bodies.extend(body);
     }

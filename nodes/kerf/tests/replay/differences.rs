@@ -5,6 +5,8 @@ use crate::replay;
 use crate::support::{Folder, Ran};
 use cnc_msgs::interface::Message;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
@@ -177,18 +179,21 @@ fn every_field_that_the_cores_make_is_compared() {
 /// The value for infinity in JSON, which has none.
 const ENDLESS: f64 = 1.25e300;
 
-fn json<M: Message>(bag: &TestBag) -> Value {
+fn json<M: Message + Serialize + DeserializeOwned>(bag: &TestBag) -> Value {
     let value = bag.all::<M>().pop().expect("one message");
     serde_json::to_value(value).expect("JSON")
 }
 
 /// The names of the fields of a message.
-fn fields<M: Message>(bag: &TestBag) -> Vec<String> {
+fn fields<M: Message + Serialize + DeserializeOwned>(bag: &TestBag) -> Vec<String> {
     json::<M>(bag).as_object().expect("a message is an object").keys().cloned().collect()
 }
 
 /// The bag with another value in one field of all messages of a type.
-fn spoilt<M: Message>(golden: &TestBag, field: &str) -> Option<TestBag> {
+fn spoilt<M: Message + Serialize + DeserializeOwned>(
+    golden: &TestBag,
+    field: &str,
+) -> Option<TestBag> {
     let mut bag = golden.clone();
     let mut is_changed = false;
     bag.change(|message: &mut M| {

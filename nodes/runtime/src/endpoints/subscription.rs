@@ -8,8 +8,8 @@ use crate::endpoints::middleware::Incoming;
 use crate::endpoints::wire::Framed;
 use crate::samples::gid::Gid;
 use crate::samples::sample::{Sample, SampleInfo};
+use cnc_msgs::cdr::Cdr;
 use cnc_msgs::interface::Message;
-use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::marker::PhantomData;
 
@@ -104,7 +104,7 @@ impl Reader {
     }
 
     /// The next valid sample.
-    pub(crate) async fn next<T: DeserializeOwned>(&mut self) -> (Framed<T>, SampleInfo) {
+    pub(crate) async fn next<T: Cdr>(&mut self) -> (Framed<T>, SampleInfo) {
         loop {
             let sample = self.next_received().await;
             if let Some(framed) = self.decode(&sample) {
@@ -113,7 +113,7 @@ impl Reader {
         }
     }
 
-    fn take<T: DeserializeOwned>(&mut self) -> Option<(Framed<T>, SampleInfo)> {
+    fn take<T: Cdr>(&mut self) -> Option<(Framed<T>, SampleInfo)> {
         loop {
             let sample = self.take_received()?;
             if let Some(framed) = self.decode(&sample) {
@@ -142,7 +142,7 @@ impl Reader {
         }
     }
 
-    fn decode<T: DeserializeOwned>(&mut self, sample: &Sample) -> Option<Framed<T>> {
+    fn decode<T: Cdr>(&mut self, sample: &Sample) -> Option<Framed<T>> {
         self.valid(sample.received.decode(self.has_header), sample.info.publisher)
     }
 

@@ -10,13 +10,11 @@
 //! arrive. A sample that does not fit its type, with bytes missing or more than
 //! padding left over, becomes an `Err` with the reason.
 
-use crate::process::panic_guard::catch;
 use crate::rustdds::padded::Padded;
 use crate::samples::gid::Gid;
 use crate::samples::sample::{ByteOrder, Received};
 use crate::samples::type_names::dds_type;
-use byteorder::{BigEndian, LittleEndian};
-use serde::de::DeserializeOwned;
+use cnc_msgs::cdr::{Cdr, Reader};
 
 impl From<rustdds::GUID> for Gid {
     fn from(guid: rustdds::GUID) -> Self {
@@ -98,25 +96,16 @@ pub(crate) struct Framed<T> {
 
 impl Received {
     /// The message, or why the bytes are not one; never panics.
-    pub(crate) fn decode<T: DeserializeOwned>(
-        &self,
-        has_header: bool,
-    ) -> Result<Framed<T>, String> {
+    pub(crate) fn decode<T: Cdr>(&self, has_header: bool) -> Result<Framed<T>, String> {
         let header = self.header(has_header);
         let body = match has_header {
             true => self.bytes.get(CycloneHeader::BYTES..).ok_or("the message is cut short")?,
             false => &self.bytes,
         };
-        let decoded = catch(|| match self.order {
-            ByteOrder::Little => cdr_encoding::from_bytes::<T, LittleEndian>(body),
-            ByteOrder::Big => cdr_encoding::from_bytes::<T, BigEndian>(body),
-        });
-        let (value, used) = match decoded {
-            Ok(decoded) => decoded.map_err(|error| error.to_string())?,
-            Err(_) => return Err("the decoder gave up".to_owned()),
-        };
+        let mut from = Reader::new(body, self.order == ByteOrder::Big);
+        let value = T::read(&mut from).map_err(|broken| broken.to_string())?;
         // Up to three bytes are padding; four more are another type's fields.
-        match body.len().saturating_sub(used) {
+        match from.left() {
             0..4 => Ok(Framed { header, body: value }),
             _ => Err("bytes are left over".to_owned()),
         }
@@ -137,21 +126,24 @@ impl Received {
 mod tests {
     use super::*;
     use crate::rustdds::received::AsReceived;
-    use cnc_msgs::cdr;
+    use byteorder::BigEndian;
+    use cnc_msgs::{cdr, cdr_struct};
     use rustdds::RepresentationIdentifier;
     use rustdds::serialization::{
         deserialize_from_cdr_with_decoder_and_rep_id, to_writer_with_rep_id,
     };
-    use serde::{Deserialize, Serialize};
+    use serde::Serialize;
 
     const LE: RepresentationIdentifier = RepresentationIdentifier::CDR_LE;
 
-    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    #[derive(Debug, Clone, Default, PartialEq, Serialize)]
     struct Sample {
         name: String,
         values: Vec<f64>,
         flag: bool,
     }
+
+    cdr_struct!(Sample { name, values, flag });
 
     fn received(bytes: &[u8], encoding: RepresentationIdentifier) -> Received {
         deserialize_from_cdr_with_decoder_and_rep_id(bytes, encoding, AsReceived)
@@ -227,11 +219,12 @@ mod tests {
 
     #[test]
     fn a_request_through_the_wrong_mapping_is_refused() {
-        #[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[derive(Debug)]
         struct AddTwoInts {
             a: i64,
             b: i64,
         }
+        cdr_struct!(AddTwoInts { a, b });
         let body = cdr::body(&AddTwoInts { a: 2, b: 40 });
         let header = Some(CycloneHeader::new(Gid([9; 16]), 3));
         let bytes = sent(&padded(header, &body).expect("it is short"));

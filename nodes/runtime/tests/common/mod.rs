@@ -7,15 +7,15 @@ use runtime::environment::DiscoveryRange;
 use runtime::interface::{Action, Message, Service};
 use runtime::parameters::Declared;
 use runtime::{Publisher, Qos, ServiceMapping, Session, Subscription};
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::future::Future;
 use std::time::Duration;
 
 macro_rules! message {
     ($name:ident, $type_name:literal { $($field:ident: $kind:ty),* }) => {
-        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        #[derive(Debug, Clone, Default, PartialEq)]
         pub struct $name { $(pub $field: $kind),* }
+        cnc_msgs::cdr_struct!($name { $($field),* });
         impl Message for $name { const TYPE_NAME: &'static str = $type_name; }
     };
 }

@@ -5,12 +5,11 @@
 
 use super::GoalId;
 use crate::process::time::RosTime;
-use cnc_msgs::cdr;
+use cnc_msgs::cdr::{self, Cdr};
 use cnc_msgs::wire::action_msgs::msg::{GoalInfo, GoalStatus};
 use cnc_msgs::wire::action_msgs::srv::CancelGoalResponse;
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_bytes::ByteBuf;
 use std::collections::BTreeMap;
@@ -256,7 +255,7 @@ impl<R: Clone> Goals<R> {
     /// All goals, to be kept; how old an end or a refusal is, is not.
     pub(super) fn records(&self) -> Vec<GoalRecord>
     where
-        R: Serialize,
+        R: Cdr,
     {
         let record = |(id, state): (&GoalId, &GoalState<R>)| {
             let state = match state {
@@ -282,7 +281,7 @@ impl<R: Clone> Goals<R> {
     /// A table from records; `None` when one is not understood. Ends and refusals are of now.
     pub(super) fn from_records(records: Vec<GoalRecord>) -> Option<Self>
     where
-        R: DeserializeOwned,
+        R: Cdr,
     {
         let (mut goals, at) = (BTreeMap::new(), Duration::ZERO);
         for GoalRecord { id, state } in records {

@@ -4,40 +4,46 @@
 //! `action_msgs`. Their type names depend on the action and are given where
 //! the endpoints are made.
 
+use cnc_msgs::cdr_struct;
 use cnc_msgs::interface::{Action, Message, Service};
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
-use serde::{Deserialize, Serialize};
 use std::marker::PhantomData;
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub(super) struct SendGoalRequest<G> {
     pub(super) goal_id: UUID,
     pub(super) goal: G,
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub(super) struct SendGoalResponse {
     pub(super) accepted: bool,
     pub(super) stamp: Time,
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub(super) struct GetResultRequest {
     pub(super) goal_id: UUID,
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub(super) struct GetResultResponse<R> {
     pub(super) status: i8,
     pub(super) result: R,
 }
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub(super) struct FeedbackMessage<F> {
     pub(super) goal_id: UUID,
     pub(super) feedback: F,
 }
+
+cdr_struct!(SendGoalRequest<G> { goal_id, goal });
+cdr_struct!(SendGoalResponse { accepted, stamp });
+cdr_struct!(GetResultRequest { goal_id });
+cdr_struct!(GetResultResponse<R> { status, result });
+cdr_struct!(FeedbackMessage<F> { goal_id, feedback });
 
 impl<G: Message> Message for SendGoalRequest<G> {
     const TYPE_NAME: &'static str = G::TYPE_NAME;

@@ -8,8 +8,7 @@ use super::goals::{GoalRecord, Goals};
 use crate::endpoints::service::RequestInfo;
 use crate::process::time::RosTime;
 use crate::samples::gid::Gid;
-use cnc_msgs::cdr;
-use serde::de::DeserializeOwned;
+use cnc_msgs::cdr::{self, Cdr};
 use serde::{Deserialize, Serialize};
 use serde_bytes::ByteBuf;
 use std::collections::BTreeMap;
@@ -93,11 +92,11 @@ impl Ledger {
 }
 
 /// Encodes goals and ledger.
-pub(super) fn encode<R: Serialize + Clone>(goals: &Goals<R>, ledger: &Ledger) -> Vec<u8> {
+pub(super) fn encode<R: Cdr + Clone>(goals: &Goals<R>, ledger: &Ledger) -> Vec<u8> {
     let unfinished = ledger.unfinished.iter().map(|(id, Unfinished { goal, info, tag })| {
         (id.0, ByteBuf::from(goal.clone()), Requester::from(*info), *tag)
     });
-    cdr::body(&Kept {
+    cdr::record(&Kept {
         goals: goals.records(),
         unfinished: unfinished.collect(),
         waiting: ledger.waiting().map(|(id, info)| (id.0, info.into())).collect(),
@@ -105,8 +104,8 @@ pub(super) fn encode<R: Serialize + Clone>(goals: &Goals<R>, ledger: &Ledger) ->
 }
 
 /// Decodes goals and ledger; `None` when the bytes are invalid.
-pub(super) fn decode<R: DeserializeOwned + Clone>(bytes: &[u8]) -> Option<(Goals<R>, Ledger)> {
-    let Kept { goals, unfinished, waiting } = cdr::from_body(bytes).ok()?;
+pub(super) fn decode<R: Cdr + Clone>(bytes: &[u8]) -> Option<(Goals<R>, Ledger)> {
+    let Kept { goals, unfinished, waiting } = cdr::from_record(bytes).ok()?;
     let goals = Goals::from_records(goals)?;
     let unfinished = unfinished.into_iter().map(|(id, goal, info, tag)| {
         (GoalId(id), Unfinished { goal: goal.into_vec(), info: info.into(), tag })
