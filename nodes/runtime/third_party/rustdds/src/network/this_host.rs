@@ -12,7 +12,7 @@ use std::{
 
 use socket2::Socket;
 
-use crate::structure::locator::Locator;
+use crate::{network::util::enumerate_interfaces, structure::locator::Locator};
 
 /// How many peers by address there may be: a jump in a filter of the kernel is at most 255 long.
 pub const PEERS_MAX: usize = 100;
@@ -24,10 +24,11 @@ pub(crate) fn is_only_this_host(only_networks: Option<&[IpAddr]>) -> bool {
 
 /// The addresses that this computer has now, but for those of the loopback interface.
 pub fn own_addresses() -> Vec<Ipv4Addr> {
-  let interfaces = netdev::get_interfaces();
-  let addresses = interfaces
-    .iter()
-    .flat_map(|it| it.ipv4.iter().map(|net| net.addr()));
+  let addresses = enumerate_interfaces().unwrap_or_default().into_iter();
+  let addresses = addresses.filter_map(|it| match it.ip {
+    IpAddr::V4(address) => Some(address),
+    IpAddr::V6(_) => None,
+  });
   addresses.filter(|it| !it.is_loopback()).collect()
 }
 
@@ -63,10 +64,10 @@ pub(crate) fn receive_only(socket: &Socket, peers: &[Ipv4Addr]) -> io::Result<()
   const INTERFACE_INDEX: u32 = -0x1000_i32 as u32 + 8;
   const SOURCE_ADDRESS: u32 = -0x10_0000_i32 as u32 + 12;
   const OWN_COPY: u32 = 5;
-  let interfaces = netdev::get_interfaces();
+  let interfaces = enumerate_interfaces()?;
   let loopback = interfaces
     .iter()
-    .find(|it| it.is_loopback())
+    .find(|it| it.is_loopback)
     .ok_or_else(|| io::Error::other("there is no loopback interface"))?;
   if peers.len() > PEERS_MAX {
     return Err(io::Error::other(format!(

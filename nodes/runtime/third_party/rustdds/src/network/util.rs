@@ -15,12 +15,7 @@ use crate::{
   structure::locator::Locator,
 };
 
-/// Platform-neutral view of one network-interface address.
-///
-/// [`netdev`] gives us a single cross-platform enumeration; we normalize its
-/// per-interface data into this small struct (one entry per assigned IP). The
-/// inner helper functions then operate on `IfAddr` alone, which keeps them free
-/// of any enumeration dependency and makes them trivially unit-testable.
+/// One address of a network interface (one entry per assigned IP).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct IfAddr {
   /// An IP address bound to the interface.
@@ -39,53 +34,48 @@ pub(crate) struct IfAddr {
 }
 
 // ---------------------------------------------------------------------------
-// Interface enumeration (cross-platform, via netdev)
+// Interface enumeration
 // ---------------------------------------------------------------------------
 
-/// Enumerate all interface addresses across platforms using [`netdev`].
+/// All addresses of all interfaces, in the order of the interfaces.
 ///
-/// `netdev::get_interfaces()` yields one [`netdev::Interface`] per interface
-/// with its index, MTU, loopback/multicast flags and the list of assigned
-/// IPv4/IPv6 prefixes. We flatten this into one [`IfAddr`] per assigned IP so
-/// the existing locator/multicast/ifindex helpers keep working unchanged, while
-/// the new fields (`netmask`, `mtu`) enable per-peer path-MTU resolution.
-///
-/// This is infallible in practice (netdev returns an empty list rather than an
-/// error), but the signature is kept as `io::Result` for API compatibility with
-/// the previous per-platform implementations.
-fn enumerate_interfaces() -> io::Result<Vec<IfAddr>> {
-  let mut result = Vec::new();
-
-  for iface in netdev::get_interfaces() {
-    let index = iface.index;
-    let is_loopback = iface.is_loopback();
-    let is_multicast = iface.is_multicast();
-    let mtu = iface.mtu;
-
-    for net in &iface.ipv4 {
-      result.push(IfAddr {
-        ip: IpAddr::V4(net.addr()),
-        index,
-        is_loopback,
-        is_multicast,
-        netmask: Some(net.netmask()),
-        mtu,
-      });
-    }
-    for net in &iface.ipv6 {
-      result.push(IfAddr {
-        ip: IpAddr::V6(net.addr()),
-        index,
-        is_loopback,
-        is_multicast,
-        // IPv4-only subnet matching for now; IPv6 peers fall back to default.
-        netmask: None,
-        mtu,
-      });
-    }
+/// Kerf: by `getifaddrs`, in place of the crate `netdev`, whose crates for netlink take long to compile.
+#[cfg(unix)]
+pub(crate) fn enumerate_interfaces() -> io::Result<Vec<IfAddr>> {
+  use nix::net::if_::{if_nametoindex, InterfaceFlags};
+  let mut found = Vec::new();
+  for entry in nix::ifaddrs::getifaddrs()? {
+    let v4 = |it: &nix::sys::socket::SockaddrStorage| it.as_sockaddr_in().map(|it| it.ip());
+    let v6 = |it: &nix::sys::socket::SockaddrStorage| it.as_sockaddr_in6().map(|it| it.ip());
+    let Some(address) = &entry.address else { continue };
+    let Some(ip) = v4(address).map(IpAddr::V4).or_else(|| v6(address).map(IpAddr::V6)) else {
+      continue;
+    };
+    // A second address may have a label after the name: `eth0:1`.
+    let name = entry.interface_name.split(':').next().unwrap_or_default();
+    found.push(IfAddr {
+      ip,
+      index: if_nametoindex(name).unwrap_or(0),
+      is_loopback: entry.flags.contains(InterfaceFlags::IFF_LOOPBACK),
+      is_multicast: entry.flags.contains(InterfaceFlags::IFF_MULTICAST),
+      netmask: entry.netmask.as_ref().and_then(v4),
+      mtu: mtu(name),
+    });
   }
+  found.sort_by_key(|it| it.index);
+  Ok(found)
+}
 
-  Ok(result)
+/// The longest packet of an interface, where Linux says it.
+#[cfg(unix)]
+fn mtu(interface: &str) -> Option<u32> {
+  let text = std::fs::read_to_string(format!("/sys/class/net/{interface}/mtu")).ok()?;
+  text.trim().parse().ok()
+}
+
+#[cfg(not(unix))]
+pub(crate) fn enumerate_interfaces() -> io::Result<Vec<IfAddr>> {
+  Err(io::ErrorKind::Unsupported.into())
 }
 
 // ---------------------------------------------------------------------------
