@@ -1,7 +1,6 @@
 //! `kerf bag`: inspects and repairs bags.
 
-use crate::exit::{CommandResult, Failure, Status};
-use crate::json;
+use crate::exit::{CommandResult, Failure, Status, printed};
 use crate::output_file::OutputFile;
 use crate::replay_command::{failure, report_page};
 use clap::Subcommand;
@@ -71,7 +70,8 @@ pub(crate) fn run(command: &BagCommand) -> CommandResult {
             info.result = run_result::of_bag(&mut bag);
             info.kept = mark_of(path);
             if *json {
-                json::print(&serde_json::to_value(&info).map_err(Failure::usage)?)?;
+                let info = serde_json::to_value(&info).map_err(Failure::usage)?;
+                printed(report::json::print(&info))?;
             } else {
                 println!("{info}");
             }

@@ -1,8 +1,8 @@
 //! `kerf check`: compares how each control reads one program. No ROS.
 
-use crate::exit::{CommandResult, Failure, Status};
+use crate::exit::{CommandResult, Failure, Status, printed};
+use crate::files;
 use crate::plan::{Planned, position};
-use crate::{files, json, plan_json};
 use clap::Args;
 use cnc_msgs::calls::chain_after;
 use cnc_msgs::count::counted;
@@ -14,6 +14,7 @@ use program_loader::LoadOptions;
 use program_loader::limits::PROGRAM_BYTES_MAX;
 use program_loader::subroutines::with_subroutines;
 use replay::path_distance::{PathDistance, between};
+use report::json;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -100,7 +101,7 @@ pub(crate) fn run(args: &CheckArgs) -> CommandResult {
     let pairs = pairs(&results);
     let name = files::file_name(&args.file);
     if args.json {
-        json::print(&CheckJson::new(&name, &results, &pairs))?;
+        printed(json::print(&CheckJson::new(&name, &results, &pairs)))?;
     } else {
         print!("{}", to_text(&name, &results, &pairs));
     }
@@ -138,7 +139,7 @@ struct ControlJson<'a> {
     control: &'a str,
     element_count: usize,
     error_count: usize,
-    #[serde(serialize_with = "plan_json::findings")]
+    #[serde(serialize_with = "report::plan::findings")]
     findings: &'a [Finding],
     read: bool,
     warning_count: usize,

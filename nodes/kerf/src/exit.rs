@@ -59,6 +59,11 @@ impl Failure {
 /// The result of a subcommand.
 pub(crate) type CommandResult = Result<(), Failure>;
 
+/// What comes of writing to standard output.
+pub(crate) fn printed(written: std::io::Result<()>) -> CommandResult {
+    written.map_err(|error| Failure::usage(format!("cannot write to standard output: {error}")))
+}
+
 /// Prints what has not been printed, and returns the exit code.
 pub(crate) fn conclude(outcome: CommandResult) -> ExitCode {
     match outcome {

@@ -3,15 +3,14 @@
 mod in_parts;
 mod text;
 
-use crate::exit::{CommandResult, Failure, Status};
+use crate::exit::{CommandResult, Failure, Status, printed};
 use crate::output_file::OutputFile;
 use crate::page::{Layer, Page, Sheet};
 use crate::picture::view::View;
-use crate::plan_json::{Elements, PlanReport};
-use crate::plan_machine::{Machine, MachineArgs, OnMachine};
+use crate::plan_machine::{self, Machine, MachineArgs};
 use crate::terminal::show_findings;
 use crate::words::{from_one, percent};
-use crate::{files, json, picture};
+use crate::{files, picture};
 use axis_driver::envelope::Beginning;
 use clap::Args;
 use cnc_msgs::finding::{Code, Finding};
@@ -27,6 +26,7 @@ use intake::folders::Folders;
 use program_loader::limits::{COORDINATE_MM_MAX, PROGRAM_BYTES_MAX};
 use program_loader::subroutines::with_subroutines;
 use program_loader::{LoadOptions, Loaded};
+use report::plan::{Elements, OnMachine, PlanReport};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use text::{audit_text, certificate_text, uncut_text};
@@ -128,7 +128,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
         file.write(|to| planned.page(&name, &text, &profile).write_html(to))?;
     }
     if args.json {
-        json::print(&planned.report(&profile.name, start.as_ref()))?;
+        printed(planned.report(&profile.name, start.as_ref()).print())?;
     } else {
         let shown: Vec<_> = planned
             .findings
@@ -373,7 +373,7 @@ impl Planned {
             summary += &uncut_text(&self.verdict.plan.uncut);
         }
         if let Some(on_machine) = &self.on_machine {
-            summary += &on_machine.text(self.accepted());
+            summary += &plan_machine::text(on_machine, self.accepted());
         }
         summary
     }

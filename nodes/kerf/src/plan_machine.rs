@@ -9,7 +9,7 @@ use clap::Args;
 use cnc_msgs::keep_out::KeepOut;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::tool_table::ToolTable;
-use serde::Serialize;
+use report::plan::OnMachine;
 use settings::{MachineText, load_keep_out};
 use std::path::{Path, PathBuf};
 
@@ -31,16 +31,6 @@ pub(crate) struct Machine {
     file: String,
     limits: MachineLimits,
     keep_out: KeepOut,
-}
-
-/// What was found about a path on a machine.
-#[derive(Debug, Serialize)]
-pub(crate) struct OnMachine {
-    file: String,
-    firmware: &'static str,
-    not_judged: Vec<String>,
-    /// From the first move to standstill.
-    seconds: f64,
 }
 
 impl MachineArgs {
@@ -98,18 +88,16 @@ impl Machine {
     }
 }
 
-impl OnMachine {
-    /// For people: two spaces before each line, a line feed before the first.
-    pub(crate) fn text(&self, fits: bool) -> String {
-        let Self { file, firmware, seconds, .. } = self;
-        let fits = if fits { "fits" } else { "does not fit" };
-        let mut text =
-            format!("\n  {fits} the machine of {file} ({firmware}); takes {}", duration(*seconds));
-        for what in &self.not_judged {
-            text += &format!("\n  not judged: {what}");
-        }
-        text
+/// For people: two spaces before each line, a line feed before the first.
+pub(crate) fn text(on_machine: &OnMachine, fits: bool) -> String {
+    let OnMachine { file, firmware, seconds, not_judged } = on_machine;
+    let fits = if fits { "fits" } else { "does not fit" };
+    let mut text =
+        format!("\n  {fits} the machine of {file} ({firmware}); takes {}", duration(*seconds));
+    for what in not_judged {
+        text += &format!("\n  not judged: {what}");
     }
+    text
 }
 
 /// `42.3 s`, `12 min 34 s`, `2 h 03 min`.

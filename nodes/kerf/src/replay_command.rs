@@ -1,7 +1,6 @@
 //! `kerf replay`: runs today's cores on recorded inputs. The crate `replay` does the work.
 
-use crate::exit::{CommandResult, Failure, Status};
-use crate::json;
+use crate::exit::{CommandResult, Failure, Status, printed};
 use crate::output_file::OutputFile;
 use crate::page::{Page, of_recording};
 use crate::plan::keep_for_report;
@@ -124,7 +123,9 @@ pub(crate) fn run(args: &ReplayArgs) -> CommandResult {
     }
     if args.json {
         let is_reproduced = !report.differs && failed.is_none();
-        json::print(&json!({ "reproduced": is_reproduced, "bags": report.reports }))?;
+        printed(report::json::print(
+            &json!({ "reproduced": is_reproduced, "bags": report.reports }),
+        ))?;
     }
     if let Some(file) = html.filter(|_| !report.page.sheets.is_empty()) {
         file.write(|to| report.page.write_html(to))?;

@@ -3,7 +3,6 @@
 //! Indented by two spaces, as `serde_json` does it. Characters that control a terminal are escaped
 //! as everywhere else, see [`intake::text`].
 
-use crate::exit::{CommandResult, Failure};
 use serde::Serialize;
 use serde_json::Serializer;
 use serde_json::ser::Formatter;
@@ -13,13 +12,13 @@ use std::io::{self, BufWriter, Write};
 const BUFFER_BYTES: usize = 64 << 10;
 
 /// Prints a value and a line feed on standard output.
-pub(crate) fn print(value: &impl Serialize) -> CommandResult {
-    match write(std::io::stdout().lock(), value) {
-        // A reader that has exited wants no more; a full disk cuts the text off.
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Failure::usage(format!("cannot write to standard output: {error}")))
-        }
-        _ => Ok(()),
+///
+/// # Errors
+/// A full disk cuts the text off. A reader that has exited wants no more, which is none.
+pub fn print(value: &impl Serialize) -> io::Result<()> {
+    match write(io::stdout().lock(), value) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
     }
 }
 

@@ -1,9 +1,9 @@
 //! The JSON object that `kerf plan --json` prints, for scripts and tests.
 //!
 //! Millimetres and degrees. The keys are a contract, in the order of the alphabet; the Rust types
-//! may change. Lists are made item by item while they are written: see [`crate::json`].
+//! may change. Lists are made item by item while they are written: see [`json`].
 
-use crate::plan_machine::OnMachine;
+use crate::json;
 use cnc_msgs::calls::Call;
 use cnc_msgs::contour::{Action, CutterSide, Source};
 use cnc_msgs::finding::{Finding, Severity};
@@ -14,44 +14,66 @@ use compensation_planner::{Certificate, CertificateLimit, OutlinePiece, Start, U
 use path_audit::Audit;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
+use std::io;
 
 /// The content of the object.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub(crate) struct PlanReport<'a> {
-    pub(crate) accepted: bool,
+pub struct PlanReport<'a> {
+    pub accepted: bool,
     /// `None`: there was no path to audit.
     #[serde(serialize_with = "audit", skip_serializing_if = "Option::is_none")]
-    pub(crate) audit: Option<&'a Audit>,
+    pub audit: Option<&'a Audit>,
     /// The table that `call` of elements and events counts in, from 1; absent without calls.
     #[serde(serialize_with = "calls", skip_serializing_if = "<[Call]>::is_empty")]
-    pub(crate) calls: &'a [Call],
+    pub calls: &'a [Call],
     #[serde(serialize_with = "certificates")]
-    pub(crate) certificates: &'a [Certificate],
-    pub(crate) control: &'a str,
-    pub(crate) elements: Elements<'a>,
+    pub certificates: &'a [Certificate],
+    pub control: &'a str,
+    pub elements: Elements<'a>,
     #[serde(serialize_with = "events")]
-    pub(crate) events: &'a [PathEvent],
+    pub events: &'a [PathEvent],
     #[serde(serialize_with = "findings")]
-    pub(crate) findings: &'a [Finding],
+    pub findings: &'a [Finding],
     /// With `--machine`: how the path fits it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) machine: Option<&'a OnMachine>,
+    pub machine: Option<&'a OnMachine>,
     /// What a refused program would have cut, for pictures.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) refused_elements: Option<Elements<'a>>,
+    pub refused_elements: Option<Elements<'a>>,
     /// How a run starts at the requested line.
     #[serde(serialize_with = "start", skip_serializing_if = "Option::is_none")]
-    pub(crate) start: Option<&'a Start>,
+    pub start: Option<&'a Start>,
     #[serde(serialize_with = "uncut")]
-    pub(crate) uncut: &'a [UncutRegion],
+    pub uncut: &'a [UncutRegion],
+}
+
+impl PlanReport<'_> {
+    /// Prints it, and a line feed.
+    ///
+    /// # Errors
+    /// See [`json::print`].
+    pub fn print(&self) -> io::Result<()> {
+        json::print(self)
+    }
+}
+
+/// What was found about a path on a machine.
+#[derive(Debug, Serialize)]
+pub struct OnMachine {
+    /// The name of the machine's file.
+    pub file: String,
+    pub firmware: &'static str,
+    pub not_judged: Vec<String>,
+    /// From the first move to standstill.
+    pub seconds: f64,
 }
 
 /// A path.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Elements<'a> {
+pub struct Elements<'a> {
     /// Start of the first element.
-    pub(crate) start: Position,
-    pub(crate) elements: &'a [PathElement],
+    pub start: Position,
+    pub elements: &'a [PathElement],
 }
 
 impl Serialize for Elements<'_> {
@@ -236,10 +258,10 @@ fn events<S: Serializer>(events: &[PathEvent], serializer: S) -> Result<S::Ok, S
 }
 
 /// The findings as a list.
-pub(crate) fn findings<S: Serializer>(
-    findings: &[Finding],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
+///
+/// # Errors
+/// Those of the serializer.
+pub fn findings<S: Serializer>(findings: &[Finding], serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
     struct FindingJson<'a> {
         alarm: Option<&'a str>,
