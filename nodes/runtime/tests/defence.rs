@@ -6,7 +6,6 @@ mod common;
 
 use common::{PATIENCE, Text, domain, soon, start};
 use runtime::{Qos, RawPublisher};
-use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// A text in CDR, with the given length field and bytes.
@@ -113,11 +112,13 @@ async fn each_piece_of_garbage_is_counted_and_passed_over() {
 }
 
 /// A message whose list says that it is longer than any memory.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default)]
 struct Lists {
     names: Vec<String>,
     numbers: Vec<f64>,
 }
+
+cnc_msgs::cdr_struct!(Lists { names, numbers });
 
 impl runtime::interface::Message for Lists {
     const TYPE_NAME: &'static str = "test_msgs/msg/Lists";
