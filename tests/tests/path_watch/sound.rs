@@ -171,14 +171,12 @@ fn zero_along(path: &mut cnc_msgs::path::CompensatedPath, random: &mut Random) {
         let by_position = random.below(2) == 0;
         let axes = FurtherAxes::NONE.with(0, random.between(-200.0, 200.0).round());
         let (mode, origin) = (FurtherMode::Along, [0.0; 3]);
-        insert(
-            path,
-            at,
-            &[
-                Action::Further(FurtherMove { axes, mode }),
-                Action::SetWorkOffset { system: 1, axes: AxisSet::NONE, origin, by_position },
-            ],
-        );
+        let zero = Action::SetWorkOffset { system: 1, axes: AxisSet::NONE, origin, by_position };
+        insert(path, at, &[Action::Further(FurtherMove { axes, mode }), zero]);
+        // A block of its own.
+        for event in path.events.iter_mut().filter(|event| event.at_element == at) {
+            event.source.block = Some(1);
+        }
     }
 }
 
