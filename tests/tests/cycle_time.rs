@@ -180,7 +180,7 @@ fn homed(firmware: Firmware, is_lifted: bool) -> Line {
     let mut settings = Settings::small_router_of(firmware);
     settings.set_line("$22=1").expect("a setting");
     let mut line = Line::new(config, Build::new(settings), &[]);
-    line.until("locked", |line| line.mode() == Mode::Alarm);
+    line.until("at rest", |line| matches!(line.mode(), Mode::Alarm | Mode::Idle));
     line.ask(Command::Home).expect("it homes");
     let (axes, position, further) = (AxisSet::ALL, [-400.0, -250.0, -40.0], FurtherAxes::NONE);
     let zero = OffsetRequest { system: 1, axes, position, is_origin: true, further };
