@@ -209,8 +209,17 @@ fn in_a_plane_that_holds_z_nothing_comes_down_and_a_tool_already_there_begins() 
     let start = part.start(6).expect("the OSP begins there");
     assert_eq!(start.in_span, StartInSpan::Standing);
     let mut line = homed();
+    let check = || match part.request(6, start.in_span) {
+        Command::RunProgram(request) => {
+            Command::RunProgram(RunRequest { check_only: true, ..request })
+        }
+        other => panic!("{other:?} begins no program"),
+    };
     let refusal = line.ask(part.request(6, start.in_span)).unwrap_err();
     assert!(is_elsewhere(&refusal), "{refusal}");
+    // A check says so before anybody begins.
+    let checked = line.ask(check()).expect("it is checked");
+    assert!(checked.contains(&refusal.message), "{checked}");
     let (frame, axes, target) = (JogFrame::Work, AxisSet::from_bits(0b101), start.at);
     line.ask(Command::Jog(JogRequest {
         further: FurtherAxes::NONE,
@@ -221,6 +230,8 @@ fn in_a_plane_that_holds_z_nothing_comes_down_and_a_tool_already_there_begins() 
     }))
     .unwrap();
     assert_eq!(line.move_result().outcome, RunOutcome::Succeeded);
+    let checked = line.ask(check()).expect("it is checked");
+    assert!(!checked.contains("but the tool is at"), "{checked}");
     let places = run_from(&mut line, &part, 6, start.in_span);
     let rest = part.rest(start.entry.element);
     for place in &places {

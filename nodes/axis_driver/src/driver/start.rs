@@ -97,7 +97,16 @@ impl Driver {
         if is_only_encoded {
             let beginning = match first_element {
                 0 => String::new(),
-                _ => beginning_of(encoder, descent),
+                _ => {
+                    let from = request.path.start_of(first_element);
+                    let elsewhere = match self.obstacle() {
+                        None => machine.start_obstacle(&encoder, from, encoder.start_axes()),
+                        // It may move until the run begins.
+                        Some(_) => None,
+                    };
+                    let elsewhere = elsewhere.map(|it| format!("; {}", it.message));
+                    beginning_of(encoder, descent) + &elsewhere.unwrap_or_default()
+                }
             };
             self.check = Some(Check { id, request, proof, beginning });
             return None;

@@ -9,7 +9,7 @@ use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
 use crate::driver::context::config::{ANSWER, START_TOLERANCE_MM};
 use crate::driver::context::machine::Machine;
-use crate::encoder::EncoderConfig;
+use crate::encoder::{Encoder, EncoderConfig};
 use cnc_msgs::contour::Action;
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::path::PathEvent;
@@ -99,17 +99,28 @@ impl Context {
     }
 }
 
+impl Machine {
+    /// Why these axes are not where a path begins, work frame, if that can be known before the first words
+    /// are sent: because those in force are the same.
+    pub(in crate::driver) fn start_obstacle(
+        &self,
+        encoder: &Encoder,
+        start: Position,
+        axes: AxisSet,
+    ) -> Option<Refusal> {
+        let is_frame_known = !encoder.checks_start()
+            && self.work_system == Some(1)
+            && self.has_tool_length == Some(false);
+        let at = self.work_position().filter(|_| is_frame_known)?;
+        check_start(at, start, axes).err()
+    }
+}
+
 impl ProgramRun {
     /// Whether the tool is where the path begins, if that can be known before the first words
     /// are sent: because those in force are the same.
     pub(in crate::driver) fn check_start_early(&self, machine: &Machine) -> Result<(), Refusal> {
-        let is_frame_known = !self.encoder.checks_start()
-            && machine.work_system == Some(1)
-            && machine.has_tool_length == Some(false);
-        match machine.work_position().filter(|_| is_frame_known) {
-            Some(at) => self.check_start(at),
-            None => Ok(()),
-        }
+        machine.start_obstacle(&self.encoder, self.start(), self.assumed_axes()).map_or(Ok(()), Err)
     }
 
     /// Judges the path anew where the stored positions are others than those that it was judged by;
