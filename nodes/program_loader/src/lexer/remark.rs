@@ -15,7 +15,7 @@ pub(crate) enum RemarkWord {
     Debug,
     /// LOG: a line for a file.
     Log,
-    /// LOGOPEN, LOGAPPEND and LOGCLOSE.
+    /// LOGOPEN, LOGAPPEND, LOGCLOSE, PROBEOPEN and PROBECLOSE.
     LogFile,
     /// ABORT: the program ends with an error.
     Abort,
@@ -31,7 +31,7 @@ pub(crate) struct Remark {
 }
 
 impl Remark {
-    const WORDS: [(&'static str, RemarkWord); 8] = [
+    const WORDS: [(&'static str, RemarkWord); 10] = [
         ("MSG,", RemarkWord::Message),
         ("DEBUG,", RemarkWord::Debug),
         ("PRINT,", RemarkWord::Values),
@@ -39,6 +39,8 @@ impl Remark {
         ("LOGOPEN,", RemarkWord::LogFile),
         ("LOGAPPEND,", RemarkWord::LogFile),
         ("LOGCLOSE", RemarkWord::LogFile),
+        ("PROBEOPEN ", RemarkWord::LogFile),
+        ("PROBECLOSE", RemarkWord::LogFile),
         ("ABORT,", RemarkWord::Abort),
     ];
 

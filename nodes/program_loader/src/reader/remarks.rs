@@ -73,7 +73,7 @@ impl Reader<'_> {
             return;
         }
         let source = line.source(self.block.number, remark.start, remark.end);
-        let message = "no file is written: what (LOG, ...) writes is a message to the operator";
+        let message = "no file is written: (LOG, ...) is a message to the operator, and the bag has what probes find";
         let help = "find the messages in the bag of the run, on /rosout";
         self.findings.push(Finding::warning(Code::Unsupported, source, message).help(help));
     }

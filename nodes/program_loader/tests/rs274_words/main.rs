@@ -66,7 +66,9 @@ fn messages_are_events_in_their_place() {
         (
             "(LOGOPEN, ../x)\n(LOG, #1)\n(LOGCLOSE)\nM2",
             "(MSG, 0.000000); M2",
-            &["no file is written: what (LOG, ...) writes is a message to the operator"],
+            &[
+                "no file is written: (LOG, ...) is a message to the operator, and the bag has what probes find",
+            ],
         ),
         (
             "#1=2\no1 while [#1 GT 0]\n(DEBUG, %d#1)\n#1=[#1-1]\no1 endwhile\nM2",

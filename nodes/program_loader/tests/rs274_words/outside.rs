@@ -112,3 +112,10 @@ fn a_piece_of_a_curve_counts_as_the_moves_that_take_as_long() {
     // Some eight pieces of order 4 in each pass.
     assert!(!is_accepted("G5 X100 Y0 I30 J300 P-30 Q-300\nG0 X0 Y0"));
 }
+
+#[test]
+fn a_file_of_a_program_is_not_written_and_that_is_said_once() {
+    let loaded = read("(PROBEOPEN a.txt)\n(PROBECLOSE)\n(LOGOPEN, b.txt)\nM2");
+    let found: Vec<&str> = loaded.findings.iter().map(|it| it.message.as_str()).collect();
+    assert!(matches!(found[..], [text] if text.starts_with("no file is written")), "{found:?}");
+}
