@@ -114,6 +114,25 @@ fn every_link_of_a_page_leads_to_a_file() {
 }
 
 #[test]
+fn the_driver_asks_no_firmware_for_its_name() {
+    for path in files(".rs") {
+        let name = path.to_string_lossy().into_owned();
+        let is_of_driver = name.contains("axis_driver/src") && !name.contains("/tests");
+        if !is_of_driver || name.contains("/firmware") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).expect("sources are UTF-8");
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        for firmware in ["Firmware::Grbl", "Firmware::FluidNc"] {
+            assert!(
+                !code.contains(firmware),
+                "{name}: {firmware}; what differs is a field of Traits"
+            );
+        }
+    }
+}
+
+#[test]
 fn nothing_is_named_an_emergency_stop() {
     for ending in [".msg", ".srv", ".action"] {
         for path in files(ending) {

@@ -1,7 +1,7 @@
 //! What the driver has to know of each firmware: one table for each, in a file of its own.
 //!
-//! A new firmware is a row of the list below and a file with its [`Traits`]. Nothing else asks which firmware it is: what differs is a field here. Numbers and
-//! texts that all of them share are in [`crate::codes`].
+//! A new firmware is a row of the list below and a file with its [`Traits`]. Nothing else asks which firmware it is:
+//! what differs is a field here. Numbers and texts that all of them share are in [`crate::codes`].
 
 mod fluidnc;
 mod grbl;
@@ -54,6 +54,18 @@ pub struct ReportField {
     pub gives: &'static str,
 }
 
+/// Where the travel of an axis that is homed lies in the machine frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TravelRule {
+    /// Nobody reports it.
+    Unreported { because: &'static str },
+    /// From minus the travel to 0, or from the switches where `$I` has this letter (`system_check_travel_limits` of grbl).
+    Whole { letter_of_zero_at_switches: char },
+    /// The same without the pull-off (`$27`) where hard and soft limits are on; from the switches where `$22` has this
+    /// bit (`limits_set_work_envelope` of grblHAL).
+    WithoutPullOff { zero_at_switches: u32 },
+}
+
 /// How one firmware differs from the others.
 #[derive(Debug)]
 pub struct Traits {
@@ -71,8 +83,24 @@ pub struct Traits {
     pub errors: &'static [CodeRow],
     /// `$n`, where they differ from grbl's, and what it adds.
     pub settings: &'static [SettingRow],
+    /// Its settings have numbers below this, those that builds add included.
+    pub settings_below: u16,
     /// Axes that have settings.
     pub axes: usize,
+    /// Where the travel of an axis lies.
+    pub travel: TravelRule,
+    /// Builds of it may limit jerk (`$800` and up).
+    pub may_have_jerk: bool,
+    /// The axes may keep pace with its spindle (G33).
+    pub may_thread: bool,
+    /// Boards with it may have outputs and inputs for programs (M62 to M68).
+    pub may_have_ports: bool,
+    /// G54 to G59.3; else to G59.
+    pub has_nine_work_systems: bool,
+    /// With kinematics other than a delta it cuts feeds into short segments, and rapids not.
+    pub bows_rapids: bool,
+    /// The start message that begins a session over a network is a greeting, and no restart.
+    pub greets_each_session: bool,
     /// Blocks of the planner of a firmware that never reports how many it has.
     pub unreported_planner_blocks: Option<u16>,
     /// Alarms after which the position is good, besides those that all share.

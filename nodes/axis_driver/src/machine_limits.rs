@@ -192,10 +192,9 @@ pub fn settings_of_file(file: &MachineFile) -> Result<ControllerSettings, Limits
     })
 }
 
-/// Whether a firmware can have a setting of this number. Builds of grbl add some, all below 200;
-/// the lists of the others depend on how they are built.
+/// Whether a firmware can have a setting of this number.
 fn is_of(firmware: Firmware, number: u16) -> bool {
-    firmware != Firmware::Grbl || number < 200
+    number < firmware.traits().settings_below
 }
 
 impl MachineLimits {
@@ -241,7 +240,8 @@ impl MachineLimits {
         let mut axes = |base: u16| [0, 1, 2].map(|axis| read(base + axis, Range::More, true));
         let rate_mm_per_min = axes(110).map(|it| it.unwrap_or(f64::INFINITY));
         let acceleration_mm_per_s2 = axes(120).map(|it| it.unwrap_or(f64::INFINITY));
-        let has_jerk = settings.firmware == Firmware::GrblHal && table.has(800);
+        let traits = settings.firmware.traits();
+        let has_jerk = traits.may_have_jerk && table.has(800);
         let jerk_mm_per_s3 = has_jerk.then(|| axes(800).map(|it| it.unwrap_or(f64::INFINITY)));
         let steps_per_mm = match table.has(100) {
             true => axes(100).map(|it| it.unwrap_or(STEPS_PER_MM_DEFAULT)),
@@ -268,15 +268,8 @@ impl MachineLimits {
             is_homed: table.mask(22) & HOMING_ON != 0,
             spindle_rpm,
             is_laser: table.is(32, "1"),
-            spindle_sync: match settings.firmware {
-                Firmware::GrblHal => settings.spindle_sync,
-                // They know no G33.
-                Firmware::Grbl | Firmware::FluidNc => Some(false),
-            },
-            ports: match settings.firmware {
-                Firmware::GrblHal => settings.ports,
-                Firmware::Grbl | Firmware::FluidNc => Some(Ports::default()),
-            },
+            spindle_sync: if traits.may_thread { settings.spindle_sync } else { Some(false) },
+            ports: if traits.may_have_ports { settings.ports } else { Some(Ports::default()) },
             offsets: StoredOffsets::of(&settings.offsets, &mut problems),
         };
         (limits, problems)
@@ -340,7 +333,7 @@ impl MachineLimits {
     /// segments (`wall_plotter.c`, `polar.c`), but its delta all, as FluidNC does.
     pub(crate) fn bows_rapids(&self) -> Option<&str> {
         let name = self.other_kinematics.as_deref()?;
-        let bows = self.firmware == Firmware::GrblHal && !name.eq_ignore_ascii_case("delta");
+        let bows = self.firmware.traits().bows_rapids && !name.eq_ignore_ascii_case("delta");
         bows.then_some(name)
     }
 

@@ -146,7 +146,7 @@ impl Driver {
         context.machine.has_just_started = true;
         let is_listening =
             matches!(&self.phase, Phase::Connecting(connecting) if connecting.is_listening());
-        let is_greeter = firmware != Firmware::Grbl;
+        let is_greeter = firmware.traits().greets_each_session;
         if context.config.is_networked && is_listening && is_greeter {
             context.machine.firmware = firmware;
             return context.log(LogLevel::Info, format!("the controller greets: {text}"));

@@ -7,7 +7,7 @@ use super::{EnvelopeReport, Workplace, place};
 use crate::encoder::{
     AllowedOverrides, EncodeProblem, UserFunction, check_pace, no_spindle_sync, shares,
 };
-use crate::firmware::{Firmware, THREAD_SHARE};
+use crate::firmware::THREAD_SHARE;
 use crate::machine_limits::{MachineLimits, direction};
 use crate::machine_path::{FurtherStep, MachineMove};
 use crate::vectors::{minus, norm, unit};
@@ -138,7 +138,9 @@ impl FunctionCheck {
                 }
             }
             Action::ChangeTool { tool } => self.tool = tool,
-            Action::WorkOffset { system: 7.. } if self.limits.firmware != Firmware::GrblHal => {
+            Action::WorkOffset { system: 7.. }
+                if !self.limits.firmware.traits().has_nine_work_systems =>
+            {
                 self.refuse(source, EncodeProblem::Unsupported { word: action.text() });
             }
             Action::Auxiliary { .. } if UserFunction::of(&action).is_none() => {

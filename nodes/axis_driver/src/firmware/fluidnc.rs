@@ -1,6 +1,6 @@
 //! FluidNC.
 
-use super::{CodeRow, QUEUED_MAX, Traits};
+use super::{CodeRow, QUEUED_MAX, Traits, TravelRule};
 
 pub(super) static TRAITS: Traits = Traits {
     name: "FluidNC",
@@ -10,7 +10,17 @@ pub(super) static TRAITS: Traits = Traits {
     alarms: ALARMS,
     errors: ERRORS,
     settings: &[],
+    settings_below: u16::MAX,
     axes: 6,
+    travel: TravelRule::Unreported {
+        because: "FluidNC does not report where the machine zero lies (mpos_mm)",
+    },
+    may_have_jerk: false,
+    may_thread: false,
+    may_have_ports: false,
+    has_nine_work_systems: false,
+    bows_rapids: false,
+    greets_each_session: true,
     unreported_planner_blocks: Some(16),
     position_kept_after: &[],
     deaf_after: &[],

@@ -1,6 +1,6 @@
 //! grbl 1.1.
 
-use super::{BUFFER, CodeRow, Traits};
+use super::{BUFFER, CodeRow, Traits, TravelRule};
 
 pub(super) static TRAITS: Traits = Traits {
     name: "grbl",
@@ -11,7 +11,15 @@ pub(super) static TRAITS: Traits = Traits {
     alarms: ALARMS,
     errors: ERRORS,
     settings: &[],
+    settings_below: 200,
     axes: 3,
+    travel: TravelRule::Whole { letter_of_zero_at_switches: 'Z' },
+    may_have_jerk: false,
+    may_thread: false,
+    may_have_ports: false,
+    has_nine_work_systems: false,
+    bows_rapids: false,
+    greets_each_session: false,
     unreported_planner_blocks: None,
     position_kept_after: &[],
     deaf_after: &[1, 2],

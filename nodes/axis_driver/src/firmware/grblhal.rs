@@ -1,6 +1,6 @@
 //! grblHAL.
 
-use super::{BUFFER, CodeRow, QUEUED_MAX, ReportField, SettingRow, Traits};
+use super::{BUFFER, CodeRow, QUEUED_MAX, ReportField, SettingRow, Traits, TravelRule};
 
 pub(super) static TRAITS: Traits = Traits {
     name: "grblHAL",
@@ -10,7 +10,15 @@ pub(super) static TRAITS: Traits = Traits {
     alarms: ALARMS,
     errors: ERRORS,
     settings: SETTINGS,
+    settings_below: u16::MAX,
     axes: 6,
+    travel: TravelRule::WithoutPullOff { zero_at_switches: 1 << 3 },
+    may_have_jerk: true,
+    may_thread: true,
+    may_have_ports: true,
+    has_nine_work_systems: true,
+    bows_rapids: true,
+    greets_each_session: true,
     unreported_planner_blocks: None,
     // It waits for its spindle while nothing moves.
     position_kept_after: &[14],

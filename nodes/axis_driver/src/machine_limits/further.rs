@@ -6,7 +6,7 @@
 use super::{HOMING_ON, STEPS_PER_MM_DEFAULT, TRAVEL_AS_DELIVERED_MM};
 use super::{LimitsProblem, MachineLimits, Range, Table};
 use crate::driver::ControllerSettings;
-use crate::firmware::Firmware;
+use crate::firmware::TravelRule;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::Position;
 
@@ -59,7 +59,7 @@ impl Table<'_> {
                 |it: f64| !self.flag(20) && (it - TRAVEL_AS_DELIVERED_MM).abs() < 1e-9;
             let travel = travel.filter(|it| *it > 0.0 && !is_as_delivered(*it));
             let is_placed = self.mask(22) & HOMING_ON != 0
-                && settings.firmware != Firmware::FluidNc
+                && !matches!(settings.firmware.traits().travel, TravelRule::Unreported { .. })
                 && self.is_axis_homed(place);
             all[axis] = Some(FurtherLimits {
                 place: number,

@@ -3,7 +3,7 @@
 use super::{HOMING_ON, LimitsProblem, MachineZero};
 use crate::codes::setting_name;
 use crate::driver::ControllerSettings;
-use crate::firmware::Firmware;
+use crate::firmware::{Firmware, TravelRule};
 use std::collections::BTreeMap;
 
 fn what(firmware: Firmware, number: u16) -> String {
@@ -81,8 +81,7 @@ impl<'a> Table<'a> {
             let because = "homing is switched off ($22=0)";
             return MachineZero::Unknown { because };
         }
-        if settings.firmware == Firmware::FluidNc {
-            let because = "FluidNC does not report where the machine zero lies (mpos_mm)";
+        if let TravelRule::Unreported { because } = settings.firmware.traits().travel {
             return MachineZero::Unplaced { because };
         }
         let bounds = |axis: usize| {
@@ -109,34 +108,29 @@ impl<'a> Table<'a> {
         travel: f64,
     ) -> [f64; 2] {
         let is_negative_homing = self.mask(23) >> axis & 1 == 1;
-        match settings.firmware {
-            // `system_check_travel_limits`.
-            Firmware::Grbl if self.zero_is_at_the_switches(settings) && is_negative_homing => {
-                [0.0, travel]
-            }
-            Firmware::Grbl | Firmware::FluidNc => [-travel, 0.0],
-            // `limits_set_work_envelope`: the pull-off is kept where hard and soft limits are on.
-            Firmware::GrblHal => {
-                let is_kept = self.flag(20) && self.flag(21);
-                let reported = self.values.get(&27).and_then(|text| text.parse().ok());
-                let pull_off: f64 = reported.filter(|_| is_kept).unwrap_or(0.0);
-                match (self.zero_is_at_the_switches(settings), is_negative_homing) {
-                    (true, true) => [0.0, travel - pull_off],
-                    (true, false) => [pull_off - travel, 0.0],
-                    (false, _) => [pull_off - travel, 0.0 - pull_off],
-                }
-            }
+        let is_kept = match settings.firmware.traits().travel {
+            TravelRule::WithoutPullOff { .. } => self.flag(20) && self.flag(21),
+            TravelRule::Whole { .. } | TravelRule::Unreported { .. } => false,
+        };
+        let reported = self.values.get(&27).and_then(|text| text.parse().ok());
+        let pull_off: f64 = reported.filter(|_| is_kept).unwrap_or(0.0);
+        match (self.zero_is_at_the_switches(settings), is_negative_homing) {
+            (true, true) => [0.0, travel - pull_off],
+            (true, false) => [pull_off - travel, 0.0],
+            (false, _) => [pull_off - travel, 0.0 - pull_off],
         }
     }
 
     /// Whether homing makes the places of the switches the machine zero.
     fn zero_is_at_the_switches(&self, settings: &ControllerSettings) -> bool {
-        const FORCE_SET_ORIGIN: u32 = 1 << 3;
-        match settings.firmware {
-            // The letter says HOMING_FORCE_SET_ORIGIN.
-            Firmware::Grbl => settings.options.contains('Z'),
-            Firmware::GrblHal => self.mask(22) & FORCE_SET_ORIGIN != 0,
-            Firmware::FluidNc => false,
+        match settings.firmware.traits().travel {
+            TravelRule::Unreported { .. } => false,
+            TravelRule::Whole { letter_of_zero_at_switches } => {
+                settings.options.contains(letter_of_zero_at_switches)
+            }
+            TravelRule::WithoutPullOff { zero_at_switches } => {
+                self.mask(22) & zero_at_switches != 0
+            }
         }
     }
 
@@ -150,7 +144,9 @@ impl<'a> Table<'a> {
         travel: Option<f64>,
     ) -> Option<f64> {
         let is_homed = self.mask(22) & HOMING_ON != 0 && self.is_axis_homed(axis);
-        if !is_homed || settings.firmware == Firmware::FluidNc {
+        let is_reported =
+            !matches!(settings.firmware.traits().travel, TravelRule::Unreported { .. });
+        if !is_homed || !is_reported {
             return None;
         }
         if self.zero_is_at_the_switches(settings) {

@@ -49,15 +49,15 @@ fn text(of: &ControllerSettings) -> String {
         quoted(&of.options)
     );
     // What the driver publishes then is a guess.
-    let unreported = Firmware::ALL.into_iter().find(|it| it.traits().name == of.firmware);
-    text += &match unreported.and_then(|it| it.traits().unreported_planner_blocks) {
+    let known = Firmware::ALL.into_iter().find(|it| it.traits().name == of.firmware);
+    text += &match known.and_then(|it| it.traits().unreported_planner_blocks) {
         Some(usual) => format!("# not reported; the usual number: planner_blocks: {usual}\n"),
         None => format!("planner_blocks: {}\n", of.planner_blocks),
     };
     if !of.axes.is_empty() {
         text += &format!("axes: {}\n", quoted(&of.axes));
     }
-    if of.firmware == Firmware::GrblHal.traits().name {
+    if known.is_some_and(|it| it.traits().may_have_ports) {
         text += "# whether the spindle has an encoder is not published: true if [NEWOPT:] of $I has SS\n\
                  # spindle_sync: true\n\
                  # outputs and inputs for programs (M62 to M68) are not published: the numbers of [AUX IO:] of $I\n\

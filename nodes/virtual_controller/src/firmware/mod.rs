@@ -1,7 +1,8 @@
 //! The firmware families, and every point in which they differ.
 //!
 //! grbl 1.1h is the reference. Where grblHAL or FluidNC differ, a value of their [`Traits`] says
-//! how: the rest of the crate asks for a trait, never for a name. One file for each family.
+//! how. The rest of the crate asks for a trait; only the table of settings and the greeting of a client
+//! ask for a name. One file for each family.
 
 mod fluidnc;
 mod grbl;
