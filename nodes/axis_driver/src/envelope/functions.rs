@@ -14,7 +14,7 @@ use crate::vectors::{minus, norm, unit};
 use cnc_msgs::contour::{Action, Source, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes, FurtherMode, further_distance};
-use cnc_msgs::geometry::{Arc, Position};
+use cnc_msgs::geometry::{AXIS_LETTERS, Arc, Position};
 use cnc_msgs::port_word::PortWord;
 use std::collections::BTreeMap;
 
@@ -172,6 +172,17 @@ impl FunctionCheck {
         }
     }
 
+    /// Axes that move, of which the board may lack one. One that stays at 0 is left out.
+    fn see_axes(&mut self, axes: FurtherAxes, source: Source) {
+        let lacks =
+            |(axis, value): &(usize, f64)| *value != 0.0 && self.limits.further[*axis].is_none();
+        let Some((axis, _)) = axes.iter().find(lacks) else { return };
+        let there = (0..FURTHER_LETTERS.len()).filter(|&axis| self.limits.further[axis].is_some());
+        let letters = AXIS_LETTERS.into_iter().chain(there.map(|axis| FURTHER_LETTERS[axis]));
+        let axes = letters.map(String::from).collect::<Vec<_>>().join(" ");
+        self.refuse(source, EncodeProblem::NoAxis { letter: FURTHER_LETTERS[axis], axes });
+    }
+
     fn refuse(&mut self, source: Source, problem: EncodeProblem) {
         self.missing.get_or_insert((source, problem));
     }
@@ -226,6 +237,7 @@ impl FunctionCheck {
     /// A move of A to W.
     pub(super) fn see_further(&mut self, it: &FurtherStep) {
         self.held = None;
+        self.see_axes(it.named, it.source);
         match it.mode {
             FurtherMode::Along => self.along = Some(*it),
             FurtherMode::Rapid => {}

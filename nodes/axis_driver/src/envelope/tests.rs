@@ -482,6 +482,36 @@ fn a_thread_needs_an_encoder_and_axes_that_keep_pace() {
 }
 
 #[test]
+fn an_axis_that_the_board_lacks_is_an_error_at_the_line_that_moves_it() {
+    let turn = |a: f64| {
+        let axes = FurtherAxes::NONE.with(0, a);
+        let action = Action::Further(FurtherMove { axes, mode: FurtherMode::Rapid });
+        Program::default().rapid("X", [10.0, 0.0, 0.0]).act(action)
+    };
+    let of = |axes: &str| {
+        let settings = crate::driver::ControllerSettings {
+            axes: axes.to_owned(),
+            ..settings(Firmware::GrblHal, "", &[])
+        };
+        MachineLimits::of(&settings).expect("a machine")
+    };
+    let lacks = "the program moves A, and this controller has no axis A: its axes are";
+    for (axes, a, expected) in [
+        ("", 90.0, Some("X Y Z")),
+        ("XYZB", 90.0, Some("X Y Z B")),
+        ("XYZA", 90.0, None),
+        // It stays where every program begins.
+        ("", 0.0, None),
+    ] {
+        let report = judge(&of(axes), &turn(a), &KeepOut::default());
+        let found = report.findings.iter().find(|it| it.message.starts_with(lacks));
+        let text = expected.map(|letters| format!("{lacks} {letters}"));
+        assert_eq!(found.map(|it| it.message.clone()), text, "{axes} A{a}");
+        assert!(found.is_none_or(|it| it.is_error() && it.source.line == 2), "{found:?}");
+    }
+}
+
+#[test]
 fn outputs_and_inputs_are_those_of_the_board() {
     let word = |number: f64, words: &str| {
         let words = Words::new(words).expect("short");

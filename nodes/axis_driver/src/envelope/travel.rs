@@ -191,14 +191,13 @@ impl TravelCheck {
         for reach in cartesian.iter().chain(named) {
             let Room { letter, setting, bounds, .. } = reach.room;
             let Some(travel) = reach.room.travel else {
-                let text = match setting {
-                    0 => format!("the travel of {letter}: the controller has not named this axis"),
-                    _ => format!(
+                // An axis that the board lacks has no setting; a program that moves it is refused.
+                if setting > 0 {
+                    report.not_judged.push(format!(
                         "the travel of {letter}: ${setting} is 0, or as grbl is delivered while \
                          soft limits are off ($20=0)"
-                    ),
-                };
-                report.not_judged.push(text);
+                    ));
+                }
                 continue;
             };
             if bounds.is_none() && self.zero_unknown.is_none() {
