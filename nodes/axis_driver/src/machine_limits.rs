@@ -105,7 +105,7 @@ pub enum LimitsProblem {
     OffsetName { name: String },
     #[error("{name} has {count} values; the machine has the {wanted} axes {axes}")]
     OffsetLength { name: String, count: usize, wanted: usize, axes: String },
-    #[error("axes is {axes:?}; it must be XYZ, and then the letters of the others")]
+    #[error("axes is {axes:?}; it must be XYZ, and then the letters of the others, each once")]
     Axes { axes: String },
     #[error("{letter} of {name} is {value}; it must be a finite number")]
     OffsetValue { name: String, letter: char, value: f64 },
@@ -155,8 +155,12 @@ pub fn settings_of_file(file: &MachineFile) -> Result<ControllerSettings, Limits
     }
     let axes = if file.axes.is_empty() { "XYZ" } else { &file.axes };
     let letters: Vec<char> = axes.strip_prefix("XYZ").unwrap_or("?").chars().collect();
-    let is_new =
-        |at: usize| letters[at].is_ascii_uppercase() && !letters[..at].contains(&letters[at]);
+    let is_new = |at: usize| {
+        let letter = letters[at];
+        letter.is_ascii_uppercase()
+            && !AXIS_LETTERS.contains(&letter)
+            && !letters[..at].contains(&letter)
+    };
     if !(0..letters.len()).all(is_new) {
         return Err(LimitsProblem::Axes { axes: file.axes.clone() });
     }

@@ -230,11 +230,20 @@ fn a_file_names_its_axes_and_has_a_value_for_each() {
             Err("G54 has 5 values; the machine has the 4 axes XYZA"),
         ),
         ("", &[1.0, 2.0], Err("G54 has 2 values; the machine has the 3 axes XYZ")),
-        ("XYA", &[], Err("axes is \"XYA\"; it must be XYZ, and then the letters of the others")),
+        (
+            "XYA",
+            &[],
+            Err("axes is \"XYA\"; it must be XYZ, and then the letters of the others, each once"),
+        ),
+        (
+            "XYZX",
+            &[],
+            Err("axes is \"XYZX\"; it must be XYZ, and then the letters of the others, each once"),
+        ),
         (
             "XYZAA",
             &[],
-            Err("axes is \"XYZAA\"; it must be XYZ, and then the letters of the others"),
+            Err("axes is \"XYZAA\"; it must be XYZ, and then the letters of the others, each once"),
         ),
     ] {
         match (settings_of_file(&file(axes, values)), further) {
