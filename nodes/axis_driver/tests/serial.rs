@@ -113,7 +113,7 @@ fn answer(byte: u8, line: &mut Vec<u8>, behaviour: &Behaviour) -> Vec<u8> {
             behaviour.lines.fetch_add(1, Ordering::Relaxed);
             match std::mem::take(line).as_slice() {
                 b"$I" => b"[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n".to_vec(),
-                b"$$" => b"$13=0\r\n$22=1\r\nok\r\n".to_vec(),
+                b"$$" => SETTINGS.to_vec(),
                 b"$G" => b"[GC:G0 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0]\r\nok\r\n".to_vec(),
                 _ => b"ok\r\n".to_vec(),
             }
@@ -137,6 +137,11 @@ struct Shell {
 }
 
 /// The controller here has no axes to be compared with a path.
+/// What the controller answers to `$$`.
+const SETTINGS: &[u8] =
+    b"$13=0\r\n$22=1\r\n$110=5000\r\n$111=5000\r\n$112=5000\r\n$120=500\r\n$121=500\r\n\
+    $122=500\r\n$130=0\r\n$131=0\r\n$132=0\r\nok\r\n";
+
 fn config() -> DriverConfig {
     DriverConfig { on_path_deviation: OnPathDeviation::Off, ..DriverConfig::default() }
 }

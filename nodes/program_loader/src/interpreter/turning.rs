@@ -47,14 +47,12 @@ impl Interpreter<'_> {
             self.modal.mode = None;
         }
         let word = scene.quote(at);
+        if !self.request.present.contains(b'Q') {
+            return self.no_profile(scene, &word, at);
+        }
         self.check_lathe_cycle(scene, &word, at);
         let end = self.turned_end(scene);
         let number = self.take_number(scene, b'Q');
-        if number.is_none() && !self.request.present.contains(b'Q') {
-            let message = format!("{word} without Q");
-            let help = "write Q with the number of the subroutine that has the profile";
-            self.report_at(scene, at, Code::MissingWord, message, help);
-        }
         let cut = self.cut(scene, cycle);
         for axis in (0..3).filter(|&axis| end.named.contains(axis) && !PLANE.contains(axis)) {
             let help = "leave it out: the cycle moves X and Z";
@@ -86,6 +84,19 @@ impl Interpreter<'_> {
             has_begun: false,
             is_damaged: false,
         }));
+    }
+
+    /// A cycle without Q. Posts for other controls write G70 and G71 for the units.
+    fn no_profile(&mut self, scene: &mut Scene<'_>, word: &str, at: usize) {
+        let _ = self.turned_end(scene);
+        for letter in *b"DEIPR" {
+            let _ = self.take(letter);
+        }
+        self.axes.poison(PLANE);
+        let message = format!("{word} without Q");
+        let help = "write Q with the number of the subroutine that has the profile; where G70 and G71 are meant for inches and \
+                    millimetres, write G20 and G21";
+        self.report_at(scene, at, Code::MissingWord, message, help);
     }
 
     /// Reports where a cycle cannot be.

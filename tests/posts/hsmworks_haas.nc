@@ -1,0 +1,20 @@
+%
+O01001
+(Using G0 which travels along dogleg path.)
+(T1 D=6. CR=0. - ZMIN=-5. - flat end mill)
+N10 G90 G94 G17
+N15 G21
+N20 G53 G0 Z0.
+(2D Contour1)
+N25 T1 M6
+N30 S5000 M3
+N35 G54
+N40 M8
+N45 M97 P100
+N50 G0 X10. Y10.
+N55 G43 Z15. H1
+N60 G187 P2
+N65 G1 Z-1. F100.
+N70 G53 G0 Z0.
+N75 M30
+%
