@@ -243,13 +243,14 @@ fn a_run_over_a_terminal_succeeds_and_its_journal_plays_again_to_the_same_bytes(
     let path = shell.run(2000);
     shell.until("the end", |shell| shell.finished.is_some());
     assert_eq!(shell.finished.clone().unwrap().outcome, RunOutcome::Succeeded);
-    // Four questions, the words before the path, the path, its end, and the checks among them.
+    // Four questions, that for the offsets by which the path is judged, the words before the path, the path, its end,
+    // and the checks among them.
     let received = controller.received();
     let parser_states = received.split(|byte| *byte == b'\n').filter(|line| line.ends_with(b"$G"));
     let checks = parser_states.count() - 1;
     assert!(checks > 0, "the link is watched");
     let lines = controller.behaviour.lines.load(Ordering::Relaxed);
-    assert_eq!(lines, 4 + 1 + 2000 + 1 + checks);
+    assert_eq!(lines, 4 + 1 + 1 + 2000 + 1 + checks);
     let reply = shell.command(2, Command::Shutdown);
     assert_eq!(reply, Ok("stopped".into()));
     shell.until("ready to close", |shell| shell.is_ready_to_close);
