@@ -86,7 +86,10 @@ fn attend(line: &mut Line, random: &mut Random, place: &str) {
             line.wait(random.between(0.0, 1.5));
         }
     }
+    let ended = line.now;
     while line.mode() != Mode::Idle {
+        let (state, result) = (line.state(), &line.finished);
+        assert!(line.now < ended + PATIENCE, "{place}: {result:?} {state:?} {:?}", line.log);
         line.wait(0.5);
         line.ask_resume();
     }
@@ -235,6 +238,7 @@ fn no_feed_after_g93_is_no_restart() {
     sound_runs(Firmware::FluidNc, 103, 1, true);
     // In the words of the next run.
     sound_runs(Firmware::FluidNc, 172, 2, true);
+    sound_runs(Firmware::Grbl, 2215, 3, true);
 }
 
 /// `KERF_WATCH_HOURS` and `KERF_WATCH_SEED` as above.

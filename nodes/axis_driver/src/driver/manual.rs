@@ -170,7 +170,7 @@ impl ManualOperation {
         if self.until.is_some() && !self.is_homing() {
             self.until = Some(context.now + ANSWER);
         }
-        context.machine.on_sent(&text);
+        context.machine.on_line(&text);
         context.link.send_line(&text, self.kind, Origin::Manual);
         true
     }

@@ -216,8 +216,9 @@ impl Machine {
         was_known && most == (blocks, bytes)
     }
 
-    /// Takes a line that is sent now.
-    pub(in crate::driver) fn on_sent(&mut self, text: &str) {
+    /// Takes a line that is sent now, or answered: words that were asked for before it was sent may come
+    /// in between.
+    pub(in crate::driver) fn on_line(&mut self, text: &str) {
         self.inverse_times[1] |= text.contains("G93");
     }
 

@@ -238,6 +238,7 @@ impl ProgramRun {
         };
         let work_system = said.and_then(selected_system);
         context.machine.work_system = work_system.or(context.machine.work_system);
+        context.machine.on_line(said.unwrap_or_default());
         match &origin {
             Origin::Preamble => self.watch_answer(context, PREAMBLE),
             Origin::Program { text, .. } => self.watch_answer(context, text),

@@ -127,7 +127,7 @@ impl ProgramRun {
         self.job.has_sent = true;
         self.is_alone = is_alone;
         self.watch_line(&text, source);
-        context.machine.on_sent(&text);
+        context.machine.on_line(&text);
         let sent = text.clone();
         context.link.send_line(&sent, kind, Origin::Program { text, source, element, events });
     }
