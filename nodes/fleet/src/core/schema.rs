@@ -42,7 +42,11 @@ pub const INDEX: &[Column] = &[
     ("build", Kind::Text, "the commit that recorded the bag"),
     ("start", Kind::Time, "time of the first message, UTC"),
     ("duration_s", Kind::Real, "from the first message to the last"),
-    ("outcome", Kind::Text, "succeeded, canceled or aborted"),
+    (
+        "outcome",
+        Kind::Text,
+        "succeeded, canceled, aborted, checked (nothing was sent) or unknown (the driver has not said)",
+    ),
     ("error_code", Kind::Integer, "of the result; 0 when it succeeded"),
     ("last_line", Kind::Integer, "the last line that was cut; 0 when none was"),
     ("alarms", Kind::Integer, "how often the machine went into ALARM"),

@@ -93,7 +93,7 @@ fn bad_input_is_named_and_the_rest_is_done() {
     assert_eq!(done, counted(2, 0, 6));
     for (sentence, [name, why]) in sentences.iter().zip([
         ["truncated.mcap", "`kerf bag recover BAG NEW` copies what can be read"],
-        ["text.mcap", "is not an MCAP file"],
+        ["text.mcap", "is not a bag (MCAP file)"],
         ["empty.mcap", "is empty"],
         ["flipped.mcap", "is damaged"],
         ["split", "its 2 files are not of one run; push each file by itself"],
