@@ -278,20 +278,27 @@ impl Interpreter<'_> {
         }
     }
 
+    /// Whether compensation is on, under which no cycle stands, which is reported.
+    pub(super) fn refuses_compensation(&mut self, scene: &mut Scene<'_>, word: &str) -> bool {
+        let on = scene.under_compensation.or(self.modal.compensation.selected_at());
+        let Some(since) = on else { return false };
+        let message = format!(
+            "{word} must not stand under cutter radius compensation, which is on since line {}",
+            since.line
+        );
+        let help = "cancel with G40 and a straight move before the cycle";
+        self.request.is_damaged = true;
+        let mut finding =
+            Finding::error(Code::ForbiddenUnderCompensation, self.source, message).help(help);
+        finding.other = Some(since);
+        scene.findings.push(finding);
+        true
+    }
+
     /// Whether the block must not be a cycle, which is reported.
     fn refuses_cycle(&mut self, scene: &mut Scene<'_>, cycle: Cycle) -> bool {
         let number = cycle.number();
-        if let Some(since) = scene.under_compensation.or(self.modal.compensation.selected_at()) {
-            let message = format!(
-                "G{number} must not stand under cutter radius compensation, which is on since line {}",
-                since.line
-            );
-            let help = "cancel with G40 and a straight move before the cycle";
-            self.request.is_damaged = true;
-            let mut finding =
-                Finding::error(Code::ForbiddenUnderCompensation, self.source, message).help(help);
-            finding.other = Some(since);
-            scene.findings.push(finding);
+        if self.refuses_compensation(scene, &format!("G{number}")) {
             return true;
         }
         if self.modal.feed_mode == FeedMode::InverseTime {

@@ -101,18 +101,7 @@ impl Interpreter<'_> {
 
     /// Reports where a cycle cannot be.
     fn check_lathe_cycle(&mut self, scene: &mut Scene<'_>, word: &str, at: usize) {
-        if let Some(since) = scene.under_compensation.or(self.modal.compensation.selected_at()) {
-            let message = format!(
-                "{word} must not stand under cutter radius compensation, which is on since line {}",
-                since.line
-            );
-            let help = "cancel with G40 and a straight move before the cycle";
-            self.request.is_damaged = true;
-            let mut finding =
-                Finding::error(Code::ForbiddenUnderCompensation, self.source, message).help(help);
-            finding.other = Some(since);
-            scene.findings.push(finding);
-        }
+        self.refuses_compensation(scene, word);
         if self.modal.plane != Plane::Zx {
             let message = format!("{word} outside of the plane ZX");
             self.report_at(scene, at, Code::Plane, message, "write G18 before the cycle");
