@@ -9,7 +9,7 @@ use crate::walk::Walk;
 use crate::walk::parts::PartEnd;
 use crate::walk::plan::{Plan, Workers};
 use cnc_msgs::contour::ProgrammedContour;
-use cnc_msgs::profile::{OutputPoint, Profile};
+use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use path_audit::Auditor;
 
@@ -60,10 +60,6 @@ impl<'a> PartsVerdict<'a> {
     pub fn take(&mut self, contour: &mut ProgrammedContour) {
         if self.is_refused {
             contour.events.clear();
-            return;
-        }
-        // The tip moves from one end of the nose to the other between two parts.
-        if self.profile.output == OutputPoint::Tip {
             return;
         }
         let end = self.end.get_or_insert_with(|| PartEnd::new(contour.start, self.profile));

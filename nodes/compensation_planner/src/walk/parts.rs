@@ -6,9 +6,9 @@ use super::{Walk, WalkState};
 use crate::geometry::tolerance::LENGTH_MM;
 use crate::walk::motions::is_lead;
 use crate::walk::plan::{Plan, Workers};
-use cnc_msgs::contour::{ContourEvent, ContourEventKind, Motion};
+use cnc_msgs::contour::{ContourEvent, ContourEventKind, Motion, RadiusSource};
 use cnc_msgs::geometry::{Plane, Position, Shape};
-use cnc_msgs::profile::{LeadMove, Profile};
+use cnc_msgs::profile::{LeadMove, OutputPoint, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
 impl<'a> Walk<'a> {
@@ -52,6 +52,8 @@ pub(crate) struct PartEnd {
     plane: Plane,
     at: Position,
     state: State,
+    /// The path is that of the tip somewhere, which moves from one end of the nose to the other between two spans.
+    has_tip: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +66,13 @@ enum State {
 
 impl PartEnd {
     pub(crate) fn new(start: Position, profile: &Profile) -> Self {
-        Self { lead: profile.cancel.lead, plane: Plane::default(), at: start, state: State::Off }
+        Self {
+            lead: profile.cancel.lead,
+            plane: Plane::default(),
+            at: start,
+            state: State::Off,
+            has_tip: profile.output == OutputPoint::Tip,
+        }
     }
 
     /// Reads the next events; whether the part may end after them.
@@ -72,6 +80,9 @@ impl PartEnd {
         for event in events {
             match &event.kind {
                 ContourEventKind::Plane(plane) => self.plane = *plane,
+                ContourEventKind::Radius(RadiusSource::Diameter { tip: 1.., .. }) => {
+                    self.has_tip = true;
+                }
                 ContourEventKind::Select { .. } => self.state = State::On,
                 ContourEventKind::Cancel { .. } if self.state == State::On => {
                     self.state = State::Cancelled;
@@ -85,7 +96,7 @@ impl PartEnd {
                 _ => {}
             }
         }
-        self.state == State::Off
+        self.state == State::Off && !self.has_tip
     }
 
     fn leads_off(&self, motion: &Motion) -> bool {
@@ -100,7 +111,7 @@ mod tests {
     use super::*;
     use crate::walk::plan::{Alone, plan};
     use cnc_msgs::contour::{
-        Action, CoolantMode, CutterSide, MotionClass, ProgrammedContour, RadiusSource, Source,
+        Action, CoolantMode, CutterSide, MotionClass, ProgrammedContour, Source,
     };
     use cnc_msgs::finding::Finding;
     use cnc_msgs::geometry::AxisSet;
@@ -180,6 +191,20 @@ mod tests {
         }
         add(walk.finish());
         (all, parts)
+    }
+
+    #[test]
+    fn where_the_path_is_that_of_the_tip_no_part_ends() {
+        let radius = |tip| ContourEvent {
+            source: Source::default(),
+            kind: ContourEventKind::Radius(RadiusSource::Diameter { mm: 4.0, tip }),
+        };
+        for (tip, ends) in [(0, true), (2, false)] {
+            let mut end = PartEnd::new([0.0; 3], &sinumerik());
+            assert_eq!(end.may_end_after(&[radius(tip)]), ends, "{tip}");
+            // The centre again, later.
+            assert_eq!(end.may_end_after(&[radius(0)]), ends, "{tip}");
+        }
     }
 
     #[test]

@@ -39,7 +39,8 @@ impl OverrideLock {
         let each = |before: Option<u8>, now: Option<u8>, kept: Option<u8>, reported: u8| match (
             before, now,
         ) {
-            (None, Some(_)) => (now, Some(reported)),
+            // 0: no report has said it yet.
+            (None, Some(_)) => (now, Some(reported).filter(|percent| *percent > 0)),
             (Some(_), None) => (kept, None),
             _ => (now, kept),
         };
@@ -143,5 +144,14 @@ mod tests {
         ] {
             assert_eq!(lock.allow(word, reported, Source::default()), expected, "{word:?}");
         }
+    }
+    #[test]
+    fn what_no_report_has_said_does_not_come_back() {
+        let mut lock = OverrideLock::default();
+        let nothing = AllowedOverrides { feed: false, spindle: false };
+        let hundred = Overrides { feed: Some(100), rapid: Some(100), spindle: Some(100) };
+        assert_eq!(lock.allow(nothing, [0; 3], Source::default()), hundred);
+        let all = AllowedOverrides::default();
+        assert_eq!(lock.allow(all, [100; 3], Source::default()), Overrides::default());
     }
 }
