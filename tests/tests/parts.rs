@@ -2,7 +2,9 @@
 
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::{Alone, PartsVerdict, Planning, judge};
+use compensation_planner::node::parts::PartsVerdict;
+use compensation_planner::node::threads::Threads;
+use compensation_planner::{Planning, judge};
 use kerf_tests::{files, root};
 use program_loader::{LoadOptions, load, load_in_parts};
 use settings::Control;
@@ -23,14 +25,17 @@ fn accepts_in_parts(
     tools: &ToolTable,
     part_events: usize,
 ) -> (bool, usize) {
-    let mut parts = PartsVerdict::new(profile, tools, &Alone);
-    let mut taken = 0;
-    let loaded =
-        load_in_parts(text, profile, &LoadOptions::default(), part_events, &mut |contour| {
-            parts.take(contour);
-            taken += usize::from(contour.events.is_empty());
-        });
-    (loaded.is_accepted() && parts.accepts(loaded.contour), taken)
+    let (workers, mut taken) = (Threads::all(), 0);
+    let is_accepted = std::thread::scope(|scope| {
+        let mut parts = PartsVerdict::new(scope, profile, tools, &workers);
+        let loaded =
+            load_in_parts(text, profile, &LoadOptions::default(), part_events, &mut |contour| {
+                parts.take(contour);
+                taken += usize::from(contour.events.is_empty());
+            });
+        loaded.is_accepted() && parts.accepts(loaded.contour)
+    });
+    (is_accepted, taken)
 }
 
 #[test]

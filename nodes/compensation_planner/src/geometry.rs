@@ -4,6 +4,7 @@
 
 pub(crate) mod bounds;
 pub(crate) mod chains;
+pub(crate) mod contact;
 pub(crate) mod distance;
 pub(crate) mod element;
 pub(crate) mod frame;

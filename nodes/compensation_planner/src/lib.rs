@@ -24,7 +24,7 @@ mod walk;
 pub use check::certificate::{Certificate, CertificateLimit};
 pub use check::uncut::{OutlinePiece, UncutRegion};
 pub use geometry::tessellate;
-pub use tools::parts::PartsVerdict;
+pub use tools::parts::{ContourPart, PartCutter, PartPlanner, PartProof};
 pub use tools::restart::{NoStart, Start, start};
 #[cfg(feature = "node")]
 pub use tools::tool_file;

@@ -9,6 +9,7 @@ mod input;
 mod lifecycle;
 mod live_offset;
 mod mdi;
+pub mod parts;
 mod preview;
 mod report;
 mod restart;

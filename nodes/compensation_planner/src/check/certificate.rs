@@ -9,7 +9,7 @@ use crate::check::interference::{self, Cut, Joined};
 use crate::check::lead;
 use crate::check::reach::{Unreachable, consumed, is_any_unreachable, left_of};
 use crate::check::repeated_passes::without_repetitions;
-use crate::check::walls::Walls;
+use crate::check::walls::{Layout, Walls};
 use crate::geometry::element::{Element, Vec2, cross, left};
 use crate::geometry::frame::{height, in_plane, in_work};
 use crate::geometry::tolerance::{BEND_RAD, GOUGE_MM, LENGTH_MM};
@@ -23,6 +23,7 @@ use cnc_msgs::contour::{CutterSide, Source};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use std::borrow::Cow;
+use std::cell::OnceCell;
 
 /// The largest tool, mm; an interval that reaches it has no upper end.
 const RADIUS_MM_MAX: f64 = 1e4;
@@ -98,6 +99,20 @@ pub(crate) struct Subject<'a> {
     lead_off: Option<&'a Lead>,
     profile: &'a Profile,
     goes_on: &'a dyn Fn() -> bool,
+    /// The walls of the tried runs wherever all of them are placed: they are the same for each
+    /// radius.
+    whole: OnceCell<Layout>,
+}
+
+/// The lead at which end of a span.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LeadEnd {
+    On,
+    Off,
+}
+
+impl LeadEnd {
+    const BOTH: [Self; 2] = [Self::On, Self::Off];
 }
 
 /// The end of the interval lies between two radii, mm; the larger one fails.
@@ -125,17 +140,13 @@ impl<'a> Subject<'a> {
         goes_on: &'a dyn Fn() -> bool,
     ) -> Self {
         let tried = without_repetitions(span, runs);
-        Self { span, all: runs, runs: tried, lead_off, profile, goes_on }
+        Self { span, all: runs, runs: tried, lead_off, profile, goes_on, whole: OnceCell::new() }
     }
 
     /// Without its calls; `None` when it was interrupted.
     pub(crate) fn certificate(&self) -> Option<Certificate> {
         let planned = self.span.d_mm.abs();
-        let at_planned = self.failures(planned)?;
-        let bracket = match at_planned.is_empty() {
-            true => self.bracket_above(planned)?,
-            false => Some(Bracket { valid: 0.0, failing: planned, failures: at_planned }),
-        };
+        let bracket = self.bracket(planned)?;
         let (valid_to_mm, failures) = match bracket {
             Some(bracket) => self.end_within(bracket)?,
             None => (f64::INFINITY, Vec::new()),
@@ -169,6 +180,15 @@ impl<'a> Subject<'a> {
         (links, placed)
     }
 
+    /// The walls of the tried runs.
+    fn walls(&self, links: Links<'_>, placed: &[Placed]) -> Walls<'_> {
+        let make = || Walls::new(&self.runs, links, placed);
+        if placed.len() < links.len() {
+            return make();
+        }
+        Walls::of_layout(&self.runs, self.whole.get_or_init(|| make().into_layout()))
+    }
+
     fn corners(&self) -> Corners<'_> {
         Corners { span: self.span, short_mm: self.profile.corner.short_block_mm }
     }
@@ -184,7 +204,7 @@ impl<'a> Subject<'a> {
         let gaps = consumed(links, &placed).take(FAILURES_MAX);
         let mut failures: Vec<Failure> = gaps.map(Failure::Consumed).collect();
         if failures.is_empty() {
-            let walls = Walls::new(&self.runs, links, &placed);
+            let walls = self.walls(links, &placed);
             let corners = self.corners();
             let joined = Joined { links, placed: &placed, corners };
             let cuts = interference::cuts(&walls, &joined, 0.0, TOUCH_MM);
@@ -210,8 +230,8 @@ impl<'a> Subject<'a> {
         cosine > 0.0 && turn < BEND_RAD && cut.radius_mm - cut.distance_mm < GOUGE_MM
     }
 
-    /// Tries larger radii until one fails: `Some(None)` when none does.
-    fn bracket_above(&self, planned: f64) -> Option<Option<Bracket>> {
+    /// A valid and a failing radius: `Some(None)` when none fails.
+    fn bracket(&self, planned: f64) -> Option<Option<Bracket>> {
         let guess = self.vanishing_guess();
         // Joining allows for rounding, so a run may vanish a little late.
         let mut radii = vec![guess + EXACT_MM / 2.0, guess * (1.0 + 1e-3)];
@@ -219,8 +239,15 @@ impl<'a> Subject<'a> {
         radii.extend(far.take_while(|radius| *radius <= RADIUS_MM_MAX));
         radii.retain(|radius| *radius <= RADIUS_MM_MAX);
         radii.sort_by(f64::total_cmp);
-        let mut valid = planned;
-        for radius in radii {
+        // Where no run vanishes, often no tool is too large. Nothing fails then at a smaller radius.
+        let largest = radii.last().filter(|_| guess > RADIUS_MM_MAX);
+        if let Some(largest) = largest
+            && self.failures(*largest)?.is_empty()
+        {
+            return Some(None);
+        }
+        let mut valid = 0.0;
+        for radius in std::iter::once(planned).chain(radii) {
             if radius <= valid + EXACT_MM {
                 continue;
             }
@@ -357,10 +384,16 @@ impl<'a> Subject<'a> {
     fn leads_valid_to(&self, limit_mm: f64) -> Option<f64> {
         let planned = self.span.d_mm.abs();
         let (links, placed) = self.joined(self.all, planned);
-        let walls = Walls::new(self.all, links.of(self.all), &placed);
+        let links = links.of(self.all);
+        let walls = match self.runs {
+            Cow::Borrowed(_) => self.walls(links, &placed),
+            Cow::Owned(_) => Walls::new(self.all, links, &placed),
+        };
         let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM)?;
         // If a contour closes with the noise of its coordinates, leads cut a little into it.
-        if exact < planned && self.leads_are_free(&walls, planned.min(limit_mm), GOUGE_MM) {
+        let at = planned.min(limit_mm);
+        let is_free = |end: &LeadEnd| self.is_lead_free(*end, &walls, at, GOUGE_MM);
+        if exact < planned && LeadEnd::BOTH.iter().all(is_free) {
             return self.leads_free_to(&walls, limit_mm, GOUGE_MM);
         }
         Some(exact)
@@ -368,7 +401,11 @@ impl<'a> Subject<'a> {
 
     fn leads_free_to(&self, walls: &Walls<'_>, limit_mm: f64, touch_mm: f64) -> Option<f64> {
         let mut high = limit_mm.min(RADIUS_MM_MAX);
-        if self.leads_are_free(walls, high, touch_mm) {
+        let is_free = |end: LeadEnd, radius| self.is_lead_free(end, walls, radius, touch_mm);
+        // A lead that is free for the largest radius is free for all.
+        let mut limiting = LeadEnd::BOTH.to_vec();
+        limiting.retain(|end| !is_free(*end, high));
+        if limiting.is_empty() {
             return Some(limit_mm);
         }
         let mut low = 0.0;
@@ -377,7 +414,7 @@ impl<'a> Subject<'a> {
                 return None;
             }
             let middle = f64::midpoint(low, high);
-            if self.leads_are_free(walls, middle, touch_mm) {
+            if limiting.iter().all(|end| is_free(*end, middle)) {
                 low = middle;
             } else {
                 high = middle;
@@ -386,54 +423,42 @@ impl<'a> Subject<'a> {
         Some(low)
     }
 
-    /// Whether the straight moves to and from the contour keep clear of its walls.
-    fn leads_are_free(&self, walls: &Walls<'_>, radius_mm: f64, touch_mm: f64) -> bool {
+    /// Whether the straight move to the contour, or from it, keeps clear of its walls.
+    fn is_lead_free(&self, at: LeadEnd, walls: &Walls<'_>, radius_mm: f64, touch_mm: f64) -> bool {
+        let is_on = at == LeadEnd::On;
+        let lead = match at {
+            LeadEnd::On => Some(&self.span.entry.lead).filter(|_| !self.span.entry.is_link),
+            LeadEnd::Off => self.lead_off,
+        };
+        let Some(lead) = lead else { return true };
         let scale = radius_mm / self.span.d_mm.abs();
-        let plane = self.span.plane;
-        let (head, tail) = (&self.all[..self.all.len().min(END_RUNS)], {
-            &self.all[self.all.len().saturating_sub(END_RUNS)..]
-        });
-        let is_free = |path: &lead::LeadPath, end, lead: &Lead, radius_mm: f64| {
-            let cuts = |is_above: &dyn Fn(usize) -> bool| {
-                path.cuts(walls, end, radius_mm - touch_mm, is_above).gouge.is_some()
-            };
-            !cuts(&|_| false) || {
-                let below = lead::Below::of(self.span, self.all, walls, lead, self.profile);
-                !cuts(&|run| below.is(walls, run))
-            }
-        };
-        let path = |(links, placed): (Links<'_>, &[Placed]), is_on, outside| {
-            let joined = Joined { links, placed, corners: self.corners() };
-            if is_on {
-                lead::LeadPath::on(&joined, outside)
-            } else {
-                lead::LeadPath::off(&joined, outside)
-            }
-        };
-        if !self.span.entry.is_link {
-            let links = links(self.span, head, None, self.profile, scale);
-            let links = links.of(head);
-            let placed = join(links, 0.0);
-            if is_any_unreachable(links, &placed, self.profile.accept_tolerance_mm) {
-                return false;
-            }
-            let on = &self.span.entry.lead;
-            let end = lead::FreeEnd::first(walls);
-            let path = path((links, &placed), true, in_plane(plane, on.start));
-            if path.is_some_and(|path| !is_free(&path, end, on, radius_mm)) {
-                return false;
-            }
-        }
-        let Some(lead) = self.lead_off else { return true };
-        let links = links(self.span, tail, Some(lead), self.profile, scale);
-        let links = links.of(tail);
+        let count = self.all.len().min(END_RUNS);
+        let runs = if is_on { &self.all[..count] } else { &self.all[self.all.len() - count..] };
+        let links = links(self.span, runs, Some(lead).filter(|_| !is_on), self.profile, scale);
+        let links = links.of(runs);
         let placed = join(links, 0.0);
         if is_any_unreachable(links, &placed, self.profile.accept_tolerance_mm) {
             return false;
         }
-        let to = in_plane(plane, lead.motion.end);
-        let end = lead::FreeEnd::last(walls);
-        let radius_mm = self.span.d_out_mm.abs() * scale;
-        path((links, &placed), false, to).is_none_or(|path| is_free(&path, end, lead, radius_mm))
+        let joined = Joined { links, placed: &placed, corners: self.corners() };
+        let plane = self.span.plane;
+        let (path, end, radius_mm) = match at {
+            LeadEnd::On => {
+                let path = lead::LeadPath::on(&joined, in_plane(plane, lead.start));
+                (path, lead::FreeEnd::first(walls), radius_mm)
+            }
+            LeadEnd::Off => {
+                let path = lead::LeadPath::off(&joined, in_plane(plane, lead.motion.end));
+                (path, lead::FreeEnd::last(walls), self.span.d_out_mm.abs() * scale)
+            }
+        };
+        let Some(path) = path else { return true };
+        let cuts = |is_above: &dyn Fn(usize) -> bool| {
+            path.cuts(walls, end, radius_mm - touch_mm, is_above).gouge.is_some()
+        };
+        !cuts(&|_| false) || {
+            let below = lead::Below::of(self.span, self.all, walls, lead, self.profile);
+            !cuts(&|run| below.is(walls, run))
+        }
     }
 }

@@ -4,9 +4,10 @@
 //! far apart they are in the program: walls of a slot, a contour that comes back on itself, an arc
 //! that bends back to its neighbour. `reach` decides about what the tool cannot reach.
 
-use crate::check::walls::{BOX_REACHES, Walls};
+use crate::check::walls::Walls;
 use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::NO_CHAIN;
+use crate::geometry::contact::{Normals, contact};
 use crate::geometry::distance::{Nearest, are_apart, nearest_between, nearest_on_element};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{LENGTH_MM, LOOP_MM};
@@ -133,11 +134,15 @@ fn all_cuts(walls: &Walls<'_>, joined: &Joined<'_>, slack: [f64; 2]) -> (Vec<(us
     };
     let reach = links.iter().map(|link| link.d_in_mm.abs().max(link.d_out_mm.abs()));
     let reach = reach.fold(0.0, f64::max);
+    let touched = |path: usize, element: &Element| {
+        contact(element, links.at(placed[paths[path].place].link).d_in_mm)
+    };
     let elements = (0..paths.len()).map(|path| (element(path), paths[path].chain));
-    let tree = Tree::of_elements(elements, walls.tree().widest_mm.max(BOX_REACHES * reach));
+    let tree = Tree::of_elements(elements, walls.tree().widest_mm, touched);
     let mut found = FoundCuts::default();
+    let nothing = (Bounds::EMPTY, Normals::NONE);
     let boxes = (
-        |path: usize| element(path).map_or(Bounds::EMPTY, |path| Bounds::of(&path)),
+        |path: usize| element(path).map_or(nothing, |element| touched(path, &element)),
         |run: usize| Bounds::of(walls.element(run)),
     );
     let budget = &mut budget(paths.len());

@@ -276,7 +276,7 @@ impl<'a> Walls<'a> {
 fn tree_of(runs: &[Run], chains: &[u32], widest_mm: f64, holds: impl Fn(usize) -> bool) -> Tree {
     let element = |run: usize| holds(run).then_some(runs[run].element);
     let elements = (0..runs.len()).map(|run| (element(run), chains[run]));
-    Tree::of_elements(elements, widest_mm)
+    Tree::of_elements(elements, widest_mm, |_, element| (Bounds::of(element), ()))
 }
 
 /// How wide a box may be, mm: so little that it overlaps only a few others where the contour fills

@@ -11,6 +11,7 @@ mod hilbert;
 
 use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::NO_CHAIN;
+use crate::geometry::contact::Nearness;
 use crate::geometry::element::Element;
 use crate::geometry::tolerance::LENGTH_MM;
 pub(crate) use flat::FLAT_MAX;
@@ -42,17 +43,18 @@ fn boxes_of(items: Range<usize>, bounds: impl Fn(usize) -> Bounds) -> [Bounds; L
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Node {
+struct Node<N = ()> {
     bounds: Bounds,
     chain: u32,
+    nearness: N,
 }
 
 /// Boxes over elements, which are known by index.
 #[derive(Debug, Clone)]
-pub(crate) struct Tree {
-    leaves: Vec<Leaf>,
+pub(crate) struct Tree<N = ()> {
+    leaves: Vec<Leaf<N>>,
     /// The boxes above, level by level; the last one holds all.
-    above: Vec<Node>,
+    above: Vec<Node<N>>,
     /// No lowest box is wider in both directions, mm.
     pub widest_mm: f64,
     /// Whether there are so few elements that each has a box of its own, in order.
@@ -61,23 +63,23 @@ pub(crate) struct Tree {
 
 /// A lowest box of a tree.
 #[derive(Debug, Clone, Copy)]
-struct Leaf {
-    node: Node,
+struct Leaf<N = ()> {
+    node: Node<N>,
     /// Its elements: the first, and how many.
     first: u32,
     count: u32,
 }
 
-impl Leaf {
+impl<N> Leaf<N> {
     fn items(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 }
 
 /// The lowest boxes of a tree that is being built.
-#[derive(Debug, Default)]
-struct Leaves {
-    leaves: Vec<Leaf>,
+#[derive(Debug)]
+struct Leaves<N> {
+    leaves: Vec<Leaf<N>>,
     widest_mm: f64,
 }
 
@@ -90,86 +92,100 @@ impl Tree {
     /// The same; no lowest box holds several that are wider together than this in both directions.
     pub(crate) fn of_boxes(items: impl Iterator<Item = (Bounds, u32)>, widest_mm: f64) -> Self {
         if is_flat(&items) {
-            return Self::flat(items, widest_mm);
+            let mut leaves: Vec<Leaf> = Vec::with_capacity(items.size_hint().1.unwrap_or(0));
+            let leaf = |(first, (bounds, chain))| Leaf {
+                node: Node { bounds, chain, nearness: () },
+                first,
+                count: 1,
+            };
+            leaves.extend((0..).zip(items).map(leaf).filter(|leaf| !leaf.node.bounds.is_empty()));
+            return Self { leaves, above: Vec::new(), widest_mm, is_flat: true };
         }
-        let mut leaves = Leaves { widest_mm, ..Leaves::default() };
+        let mut leaves = Leaves { leaves: Vec::new(), widest_mm };
         for (index, (bounds, chain)) in items.enumerate() {
-            leaves.push(index, Node { bounds, chain });
+            leaves.push(index, Node { bounds, chain, nearness: () });
         }
         leaves.tree()
     }
+}
 
-    /// A box for each element, and none above.
-    fn flat(items: impl Iterator<Item = (Bounds, u32)>, widest_mm: f64) -> Self {
-        let leaf =
-            |(first, (bounds, chain))| Leaf { node: Node { bounds, chain }, first, count: 1 };
-        let mut leaves: Vec<Leaf> = Vec::with_capacity(items.size_hint().1.unwrap_or(0));
-        leaves.extend((0..).zip(items).map(leaf).filter(|leaf| !leaf.node.bounds.is_empty()));
-        Self { leaves, above: Vec::new(), widest_mm, is_flat: true }
-    }
-
-    /// Over elements with their chains, in order; `None` is near nothing. No lowest box is wider
+impl<N: Nearness> Tree<N> {
+    /// Over elements with their chains, in order; `None` is near nothing. `box_of` has the box of
+    /// an element of this index, or of a part of it. No lowest box is wider
     /// than `widest_mm` in both directions: a long element across the axes has several.
     pub(crate) fn of_elements(
         items: impl Iterator<Item = (Option<Element>, u32)>,
         widest_mm: f64,
+        box_of: impl Fn(usize, &Element) -> (Bounds, N),
     ) -> Self {
+        let node = |index: usize, element: &Element, chain: u32| {
+            let (bounds, nearness) = box_of(index, element);
+            Node { bounds, chain, nearness }
+        };
         if is_flat(&items) {
-            let bounds =
-                |element: Option<Element>| element.map_or(Bounds::EMPTY, |it| Bounds::of(&it));
-            return Self::flat(items.map(|(element, chain)| (bounds(element), chain)), widest_mm);
+            let mut leaves = Vec::with_capacity(items.size_hint().1.unwrap_or(0));
+            for (index, (element, chain)) in items.enumerate() {
+                let Some(element) = element else { continue };
+                let node = node(index, &element, chain);
+                leaves.push(Leaf { node, first: index as u32, count: 1 });
+            }
+            return Self { leaves, above: Vec::new(), widest_mm, is_flat: true };
         }
-        let mut leaves = Leaves { widest_mm, ..Leaves::default() };
+        let mut leaves = Leaves { leaves: Vec::new(), widest_mm };
         for (index, (element, chain)) in items.enumerate() {
             let Some(element) = element else { continue };
-            let bounds = Bounds::of(&element);
-            let parts = (bounds.width() / widest_mm).ceil().clamp(1.0, PARTS_MAX);
+            let whole = node(index, &element, chain);
+            let parts = (whole.bounds.width() / widest_mm).ceil().clamp(1.0, PARTS_MAX);
             if parts.is_nan() || parts <= 1.0 {
-                leaves.push(index, Node { bounds, chain });
+                leaves.push(index, whole);
                 continue;
             }
             let end = |part: f64| element.length() * part / parts;
             for part in 0..parts as usize {
                 let (from, to) = (end(part as f64), end(part as f64 + 1.0));
                 let part = element.before(to).and_then(|part| part.after(from)).unwrap_or(element);
-                leaves.push(index, Node { bounds: Bounds::of(&part), chain });
+                leaves.push(index, node(index, &part, chain));
             }
         }
         leaves.tree()
     }
 
-    /// Visits all pairs of elements whose boxes are no farther apart than `reach` mm, except those
+    /// Visits all pairs of elements whose boxes are near within `reach` mm, except those
     /// within one chain; `boxes` has the box of each element of both trees. Long elements may be
     /// visited several times. Returns whether it saw all pairs: it gives up when the budget is used
     /// up, where a visit counts as a box for each element.
     pub(crate) fn near_pairs(
         &self,
-        other: &Self,
+        other: &Tree,
         reach: f64,
         budget: &mut usize,
-        boxes: (impl Fn(usize) -> Bounds, impl Fn(usize) -> Bounds),
+        boxes: (impl Fn(usize) -> (Bounds, N), impl Fn(usize) -> Bounds),
         mut visit: impl FnMut(usize, usize) -> ControlFlow<()>,
     ) -> bool {
-        let reach_squared = reach * reach;
-        let is_near = |a: &Bounds, b: &Bounds| a.gap_squared(b) <= reach_squared;
         if self.is_flat && other.is_flat {
-            return compare_all(&self.leaves, &other.leaves, reach_squared, budget, visit);
+            return compare_all(&self.leaves, &other.leaves, reach, budget, visit);
         }
-        let visit = |a: &Leaf, b: &Leaf| {
+        let visit = |a: &Leaf<N>, b: &Leaf| {
             let boxes_of_b = boxes_of(b.items(), &boxes.1);
             for a in a.items() {
-                let box_of_a = boxes.0(a);
+                let (box_of_a, nearness) = boxes.0(a);
                 for (b, box_of_b) in b.items().zip(&boxes_of_b) {
-                    if is_near(&box_of_a, box_of_b) {
+                    if nearness.is_near(&box_of_a, box_of_b, reach) {
                         visit(a, b)?;
                     }
                 }
             }
             ControlFlow::Continue(())
         };
-        search_all([self, other], reach, budget, visit)
+        search_all(self, other, reach, budget, visit)
     }
 
+    fn boxes(&self) -> Boxes<'_, N> {
+        Boxes { leaves: &self.leaves, above: &self.above }
+    }
+}
+
+impl Tree {
     /// The same within one tree: each pair once, the earlier first. Pairs within one chain may be
     /// visited too.
     pub(crate) fn near_itself(
@@ -199,7 +215,7 @@ impl Tree {
             }
             ControlFlow::Continue(())
         };
-        search_all([self, self], reach, budget, visit)
+        search_all(self, self, reach, budget, visit)
     }
 
     /// Visits the lowest boxes near a box that belongs to no chain.
@@ -210,7 +226,7 @@ impl Tree {
         budget: &mut usize,
         mut visit: impl FnMut(Range<usize>) -> ControlFlow<()>,
     ) -> bool {
-        let node = Node { bounds: *bounds, chain: NO_CHAIN };
+        let node = Node { bounds: *bounds, chain: NO_CHAIN, nearness: () };
         let one = Leaf { node, first: 0, count: 1 };
         let mut visit = |_: &Leaf, leaf: &Leaf| visit(leaf.items());
         if bounds.is_empty() {
@@ -225,49 +241,50 @@ impl Tree {
             }
             return true;
         }
-        search([Boxes::of_one(&one), self.boxes()], reach, budget, visit)
-    }
-
-    fn boxes(&self) -> Boxes<'_> {
-        Boxes { leaves: &self.leaves, above: &self.above }
+        search(Boxes::of_one(&one), self.boxes(), reach, budget, visit)
     }
 }
 
 /// [`search`], where the boxes of a flat tree are looked for one after another.
-fn search_all(
-    trees: [&Tree; 2],
+fn search_all<N: Nearness>(
+    a: &Tree<N>,
+    b: &Tree,
     reach: f64,
     budget: &mut usize,
-    mut visit: impl FnMut(&Leaf, &Leaf) -> ControlFlow<()>,
+    mut visit: impl FnMut(&Leaf<N>, &Leaf) -> ControlFlow<()>,
 ) -> bool {
-    let [a, b] = trees;
     if !a.is_flat && !b.is_flat {
-        return search([a.boxes(), b.boxes()], reach, budget, visit);
+        return search(a.boxes(), b.boxes(), reach, budget, visit);
     }
     let is_over = Cell::new(false);
-    let mut visit = |a: &Leaf, b: &Leaf| {
+    let mut visit = |a: &Leaf<N>, b: &Leaf| {
         let next = visit(a, b);
         is_over.set(next.is_break());
         next
     };
-    let flat = if a.is_flat { a } else { b };
-    flat.leaves.iter().all(|leaf| {
-        let one = Boxes::of_one(leaf);
-        let pair = if a.is_flat { [one, b.boxes()] } else { [a.boxes(), one] };
-        is_over.get() || search(pair, reach, budget, &mut visit)
-    })
+    match a.is_flat {
+        true => a.leaves.iter().all(|leaf| {
+            let one = Boxes::of_one(leaf);
+            is_over.get() || search(one, b.boxes(), reach, budget, &mut visit)
+        }),
+        false => b.leaves.iter().all(|leaf| {
+            let one = Boxes::of_one(leaf);
+            is_over.get() || search(a.boxes(), one, reach, budget, &mut visit)
+        }),
+    }
 }
 
 /// See [`Tree::near_pairs`].
-fn search(
-    trees: [Boxes<'_>; 2],
+fn search<N: Nearness>(
+    a: Boxes<'_, N>,
+    b: Boxes<'_>,
     reach: f64,
     budget: &mut usize,
-    visit: impl FnMut(&Leaf, &Leaf) -> ControlFlow<()>,
+    visit: impl FnMut(&Leaf<N>, &Leaf) -> ControlFlow<()>,
 ) -> bool {
-    let [Some(a), Some(b)] = trees.map(Boxes::top) else { return true };
-    let mut search = Search { trees, reach_squared: reach * reach, budget, visit };
-    search.pairs(a, b) != ControlFlow::Break(Stop::NoBudget)
+    let (Some(top_a), Some(top_b)) = (a.top(), b.top()) else { return true };
+    let mut search = Search { a, b, reach, budget, visit };
+    search.pairs(top_a, top_b) != ControlFlow::Break(Stop::NoBudget)
 }
 
 /// Why a search ends early.
@@ -277,24 +294,25 @@ enum Stop {
     NoBudget,
 }
 
-struct Search<'a, V> {
-    trees: [Boxes<'a>; 2],
-    reach_squared: f64,
+struct Search<'a, N, V> {
+    a: Boxes<'a, N>,
+    b: Boxes<'a>,
+    reach: f64,
     budget: &'a mut usize,
     visit: V,
 }
 
-impl<V: FnMut(&Leaf, &Leaf) -> ControlFlow<()>> Search<'_, V> {
+impl<N: Nearness, V: FnMut(&Leaf<N>, &Leaf) -> ControlFlow<()>> Search<'_, N, V> {
     /// Visits what is near below a pair of boxes. As deep as both trees together.
     fn pairs(&mut self, a: Place, b: Place) -> ControlFlow<Stop> {
         if *self.budget == 0 {
             return ControlFlow::Break(Stop::NoBudget);
         }
         *self.budget -= 1;
-        let [tree_a, tree_b] = self.trees;
+        let (tree_a, tree_b) = (self.a, self.b);
         let (node_a, node_b) = (tree_a.node(a), tree_b.node(b));
         if (node_a.chain == node_b.chain && node_a.chain != NO_CHAIN)
-            || node_a.bounds.gap_squared(&node_b.bounds) > self.reach_squared
+            || !node_a.nearness.is_near(&node_a.bounds, &node_b.bounds, self.reach)
         {
             return ControlFlow::Continue(());
         }
@@ -313,9 +331,9 @@ impl<V: FnMut(&Leaf, &Leaf) -> ControlFlow<()>> Search<'_, V> {
 
 /// The boxes of a tree.
 #[derive(Clone, Copy)]
-struct Boxes<'a> {
-    leaves: &'a [Leaf],
-    above: &'a [Node],
+struct Boxes<'a, N = ()> {
+    leaves: &'a [Leaf<N>],
+    above: &'a [Node<N>],
 }
 
 /// A box of a tree.
@@ -329,19 +347,19 @@ struct Place {
     index: usize,
 }
 
-impl<'a> Boxes<'a> {
-    const fn of_one(leaf: &'a Leaf) -> Self {
+impl<'a, N> Boxes<'a, N> {
+    const fn of_one(leaf: &'a Leaf<N>) -> Self {
         Self { leaves: std::slice::from_ref(leaf), above: &[] }
     }
 
     /// The box that holds all others; `None` without any.
-    fn top(self) -> Option<Place> {
+    fn top(&self) -> Option<Place> {
         let level = self.leaves.len().checked_next_power_of_two()?.trailing_zeros();
         let first = self.above.len().saturating_sub(1);
         (!self.leaves.is_empty()).then_some(Place { level, first, index: 0 })
     }
 
-    fn node(self, at: Place) -> &'a Node {
+    fn node(&self, at: Place) -> &'a Node<N> {
         match at.level {
             0 => &self.leaves[at.index].node,
             _ => &self.above[at.first + at.index],
@@ -349,7 +367,7 @@ impl<'a> Boxes<'a> {
     }
 
     /// The boxes in a box that is not one of the lowest.
-    fn children(self, of: Place) -> impl DoubleEndedIterator<Item = Place> {
+    fn children(&self, of: Place) -> impl DoubleEndedIterator<Item = Place> + use<N> {
         let level = of.level - 1;
         let count = ((self.leaves.len() - 1) >> level) + 1;
         let first = of.first.saturating_sub(count);
@@ -361,8 +379,8 @@ impl<'a> Boxes<'a> {
     }
 }
 
-impl Leaves {
-    fn push(&mut self, index: usize, node: Node) {
+impl<N: Nearness> Leaves<N> {
+    fn push(&mut self, index: usize, node: Node<N>) {
         if node.bounds.is_empty() {
             return;
         }
@@ -380,7 +398,7 @@ impl Leaves {
     }
 
     /// Sorts them along a curve that fills their bounds, and builds the boxes above.
-    fn tree(self) -> Tree {
+    fn tree(self) -> Tree<N> {
         let Self { mut leaves, widest_mm } = self;
         let all = leaves.iter().fold(Bounds::EMPTY, |all, leaf| all.union(leaf.node.bounds));
         let side = f64::from(hilbert::SIDE - 1);
@@ -390,7 +408,7 @@ impl Leaves {
             let cell = ((low + high) / 2.0 - all.low).component_mul(&scale);
             hilbert::along(cell.x as u32, cell.y as u32)
         });
-        let mut above: Vec<Node> = Vec::new();
+        let mut above: Vec<Node<N>> = Vec::new();
         if leaves.len() > 1 {
             above.reserve_exact(leaves.len() + leaves.len().ilog2() as usize + 1);
             above.extend(leaves.chunks(2).map(|pair| match pair {
@@ -414,11 +432,12 @@ impl Leaves {
     }
 }
 
-impl Node {
+impl<N: Nearness> Node<N> {
     fn and(&self, other: &Self) -> Self {
         Self {
             bounds: self.bounds.union(other.bounds),
             chain: if self.chain == other.chain { self.chain } else { NO_CHAIN },
+            nearness: self.nearness.and(other.nearness),
         }
     }
 }

@@ -241,7 +241,7 @@ impl<'a> EarlierSpans<'a> {
             let tree = tree.get_or_insert_with(|| Tree::new(chained));
             let mut deepest: Option<OtherCut> = None;
             let wall_box = |wall: usize| Bounds::of(&left.element(wall));
-            let of = (|piece: usize| boxes[piece], wall_box);
+            let of = (|piece: usize| (boxes[piece], ()), wall_box);
             let walls = left.tree();
             let is_complete = tree.near_pairs(walls, reach, &mut self.budget, of, |on, into| {
                 let wall = (&left.walls[into], left.element(into));

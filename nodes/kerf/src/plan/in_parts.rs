@@ -3,7 +3,9 @@
 use super::Planned;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::{PartsVerdict, Planning, Verdict};
+use compensation_planner::node::parts::PartsVerdict;
+use compensation_planner::node::threads::Threads;
+use compensation_planner::{Planning, Verdict};
 use program_loader::{LoadOptions, load_in_parts};
 
 /// The least events of a part: enough spans for all processors, and as few as stay in their caches.
@@ -21,16 +23,25 @@ impl Planned {
         options: &LoadOptions,
         planning: Planning<'_>,
     ) -> Self {
-        let mut parts = PartsVerdict::new(profile, tools, planning.workers);
-        let mut loaded =
-            load_in_parts(text, profile, options, PART_EVENTS, &mut |contour| parts.take(contour));
-        if parts.is_untouched() || !loaded.is_accepted() {
-            return Self::of(loaded, profile, tools, planning);
+        let workers = Threads::all();
+        let (mut loaded, is_accepted) = std::thread::scope(|scope| {
+            let mut parts = PartsVerdict::new(scope, profile, tools, &workers);
+            let mut loaded = load_in_parts(text, profile, options, PART_EVENTS, &mut |contour| {
+                parts.take(contour);
+            });
+            if parts.is_untouched() || !loaded.is_accepted() {
+                return (loaded, None);
+            }
+            let rest = std::mem::take(&mut loaded.contour);
+            (loaded, Some(parts.accepts(rest)))
+        });
+        match is_accepted {
+            None => Self::of(loaded, profile, tools, planning),
+            Some(false) => Self::new(text, profile, tools, options, planning),
+            Some(true) => {
+                let findings = std::mem::take(&mut loaded.findings);
+                Self { loaded, verdict: Verdict::default(), findings, on_machine: None }
+            }
         }
-        if !parts.accepts(std::mem::take(&mut loaded.contour)) {
-            return Self::new(text, profile, tools, options, planning);
-        }
-        let findings = loaded.findings.clone();
-        Self { loaded, verdict: Verdict::default(), findings, on_machine: None }
     }
 }

@@ -1,8 +1,9 @@
 //! Trees of few elements: each has a box of its own, and all boxes are compared.
 
-use super::{LEAF, Leaf};
+use super::{LEAF, Leaf, Node};
 use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::NO_CHAIN;
+use crate::geometry::contact::Nearness;
 use std::ops::ControlFlow;
 
 /// Up to so many elements, no more than the bits of a word, each has a box of its own, and all boxes
@@ -15,27 +16,27 @@ pub(super) fn is_flat<T>(items: &impl Iterator<Item = T>) -> bool {
 }
 
 /// See [`Tree::near_pairs`], between flat trees.
-pub(super) fn compare_all(
-    a: &[Leaf],
+pub(super) fn compare_all<N: Nearness>(
+    a: &[Leaf<N>],
     b: &[Leaf],
-    reach_squared: f64,
+    reach: f64,
     budget: &mut usize,
     mut visit: impl FnMut(usize, usize) -> ControlFlow<()>,
 ) -> bool {
     if *budget == 0 {
         return false;
     }
-    let all = |leaves: &[Leaf]| {
-        leaves.iter().fold(Bounds::EMPTY, |all, leaf| all.union(leaf.node.bounds))
-    };
-    let is_near = |a: &Bounds, b: &Bounds| a.gap_squared(b) <= reach_squared;
+    let is_near = |a: &Node<N>, bounds: &Bounds| a.nearness.is_near(&a.bounds, bounds, reach);
     // One contour inside another is near to a few of its elements only.
-    let (all_a, all_b) = (all(a), all(b));
+    let Some(all_a) = a.iter().map(|leaf| leaf.node).reduce(|all, node| all.and(&node)) else {
+        return true;
+    };
+    let all_b = b.iter().fold(Bounds::EMPTY, |all, leaf| all.union(leaf.node.bounds));
     let bit =
-        |(index, leaf): (usize, &Leaf)| u64::from(is_near(&leaf.node.bounds, &all_a)) << index;
+        |(index, leaf): (usize, &Leaf)| u64::from(is_near(&all_a, &leaf.node.bounds)) << index;
     let near_b = b.iter().enumerate().map(bit).fold(0, |all, bit| all | bit);
     let count = near_b.count_ones() as usize;
-    for a in a.iter().filter(|leaf| is_near(&leaf.node.bounds, &all_b)) {
+    for a in a.iter().filter(|leaf| is_near(&leaf.node, &all_b)) {
         *budget = budget.saturating_sub(count / LEAF);
         let mut left = near_b;
         while left != 0 {
@@ -43,7 +44,7 @@ pub(super) fn compare_all(
             left &= left - 1;
             let is_chain = a.node.chain == b.node.chain && a.node.chain != NO_CHAIN;
             if !is_chain
-                && is_near(&a.node.bounds, &b.node.bounds)
+                && is_near(&a.node, &b.node.bounds)
                 && visit(a.first as usize, b.first as usize).is_break()
             {
                 return true;

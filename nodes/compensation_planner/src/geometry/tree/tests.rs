@@ -23,7 +23,7 @@ proptest! {
         let (a, b) = (boxes(&lines), boxes(&others));
         let tree = |boxes: &[Bounds]| Tree::new(boxes.iter().map(|bounds| (*bounds, NO_CHAIN)));
         let mut seen = BTreeSet::new();
-        let both = (|one: usize| a[one], |other: usize| b[other]);
+        let both = (|one: usize| (a[one], ()), |other: usize| b[other]);
         let mut all = usize::MAX;
         let is_complete = tree(&a).near_pairs(&tree(&b), reach, &mut all, both, |a, b| {
             seen.insert((a, b));
@@ -56,6 +56,11 @@ proptest! {
     }
 }
 
+/// The box of an element.
+fn whole(_: usize, element: &Element) -> (Bounds, ()) {
+    (Bounds::of(element), ())
+}
+
 /// Boxes visited for each line of a spiral of so many lines of 2 mm, with 12 mm between its
 /// turns, to find what is near.
 fn visits_of_a_spiral(count: usize) -> f64 {
@@ -65,7 +70,7 @@ fn visits_of_a_spiral(count: usize) -> f64 {
         Vec2::new(x, y) * radius
     };
     let lines = (0..count).map(|index| Element::line(point(index), point(index + 1)));
-    let tree = Tree::of_elements(lines.map(|line| (line, NO_CHAIN)), 24.0);
+    let tree = Tree::of_elements(lines.map(|line| (line, NO_CHAIN)), 24.0, whole);
     let all = usize::MAX;
     let mut left = all;
     let bounds = |_| Bounds::EMPTY;
@@ -85,7 +90,7 @@ fn a_long_element_has_several_boxes_and_short_ones_share_one() {
     // Few elements would have a box each.
     let none = std::iter::repeat_n((None, NO_CHAIN), FLAT_MAX);
     let items = lines.iter().map(|numbers| (Some(line(numbers)), NO_CHAIN)).chain(none);
-    let tree = Tree::of_elements(items, 20.0);
+    let tree = Tree::of_elements(items, 20.0, whole);
     let mut items: Vec<_> = tree.leaves.iter().map(|leaf| (leaf.first, leaf.count)).collect();
     items.sort_unstable();
     assert_eq!(items, [(0, 1), (0, 1), (0, 1), (1, 2)]);
