@@ -81,7 +81,7 @@ pub enum Code {
     ///
     /// Add it to the tool table, or correct its number in the program.
     UnknownTool,
-    /// The lead-on or the lead-off is not a straight move.
+    /// The lead-on or the lead-off is no straight move, and no arc that leads this tool.
     ///
     /// Put a straight move in the plane between the contour and the arc or rapid.
     LeadType,

@@ -132,7 +132,7 @@ const QUESTIONS: [(&str, &[&str]); 21] = [
     ("C7", &["full_circle.rule"]),
     ("C8", &["language.planes.rule"]),
     ("C9", &["rapid.rule"]),
-    ("C10", &["select.length.rule"]),
+    ("C10", &["select.length.rule", "select.arc_lead"]),
     ("C11", &["select.target"]),
     ("C12", &["side_change.rule"]),
     ("C13", &["reselect.rule"]),

@@ -1,7 +1,7 @@
 //! Finds what the form of a profile cannot exclude: values and combinations that no
 //! control could have.
 
-use super::{Dialect, OutputPoint, Profile, RadiusKind, ZeroOffset};
+use super::{ArcLead, Dialect, OutputPoint, Profile, RadiusKind, SelectTarget, ZeroOffset};
 use crate::geometry::Plane;
 
 /// A profile that no control could have.
@@ -58,6 +58,12 @@ impl Profile {
             return refuse(
                 &["corner", "short_block_mm"],
                 format!("{short} mm; 0 to 10 mm is needed"),
+            );
+        }
+        if self.select.arc_lead == ArcLead::Arc && self.select.target != SelectTarget::NormalEntry {
+            return refuse(
+                &["select", "arc_lead"],
+                "an arc ends beside its own end: set select.target to normal_entry".into(),
             );
         }
         let latency = self.radius.value_latency_blocks;

@@ -22,9 +22,9 @@ pub struct SelectRules {
     pub lead: LeadMove,
     /// What the length of the lead-on must be, compared with the radius (C10).
     pub length: Rule<LeadLength>,
-    /// A lead-on that is an arc; unless it is refused, it is run as a straight line.
+    /// A lead-on that is an arc.
     #[serde(default)]
-    pub arc_lead: Strictness,
+    pub arc_lead: ArcLead,
     /// A selection that no move in the plane follows (A16).
     #[serde(default = "warn")]
     pub if_no_move: Strictness,
@@ -42,6 +42,33 @@ pub enum SelectTarget {
     NormalNext,
     /// Perpendicular to the end of the entry move, joined to the next element as a corner.
     NormalEntry,
+}
+
+/// What a lead-on that is an arc becomes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ArcLead {
+    /// It is refused.
+    #[default]
+    Error,
+    /// A straight line, with a warning.
+    Warn,
+    /// The same.
+    Emulate,
+    /// An arc from the same start that ends at a tangent, one radius beside the end of the
+    /// programmed one (LinuxCNC).
+    Arc,
+}
+
+impl ArcLead {
+    /// How strictly a program is held to a straight line.
+    pub const fn strictness(self) -> Strictness {
+        match self {
+            Self::Error | Self::Arc => Strictness::Error,
+            Self::Warn => Strictness::Warn,
+            Self::Emulate => Strictness::Emulate,
+        }
+    }
 }
 
 /// Which move in the plane is a lead.

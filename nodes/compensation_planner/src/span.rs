@@ -5,10 +5,11 @@
 pub(crate) mod chain;
 pub(crate) mod chain_links;
 pub(crate) mod corner;
+pub(crate) mod lead_arc;
 pub(crate) mod links;
 pub(crate) mod runs;
 
-use crate::geometry::element::{Element, Vec2};
+use crate::geometry::element::{Arc, Element, Vec2};
 use crate::geometry::frame::{element_from, height};
 use cnc_msgs::contour::{Action, Approach, Motion, MotionClass, OutsideCorner, Source};
 use cnc_msgs::geometry::{Plane, Position};
@@ -44,7 +45,7 @@ impl Leg<'_> {
     }
 }
 
-/// A straight motion that leads to or from the contour.
+/// A motion that leads to or from the contour.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lead {
     pub motion: Motion,
@@ -75,6 +76,8 @@ pub(crate) enum ItemKind {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Entry {
     pub lead: Lead,
+    /// The arc of a lead-on that is run as one, as programmed: `lead_arc`.
+    pub arc: Option<Arc>,
     /// Whether it also ends the span before: a change of side or a reselection.
     pub is_link: bool,
     /// Its end is on the offset of the lead itself, joined to the contour as a corner.

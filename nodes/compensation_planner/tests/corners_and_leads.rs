@@ -166,6 +166,10 @@ fn s20_and_s29_leads_are_straight() {
     let arc_off = "G0 X0 Y0\nG41 D1 G1 X20 Y0\nX50\nG40 G2 X70 Y0 I10 J0";
     for (text, line) in [(arc_on, 2), (arc_off, 4)] {
         for profile in [sinumerik(), masso(), rs274()] {
+            if profile.name == "rs274" && line == 2 {
+                // LinuxCNC has it otherwise: `arc_leads`.
+                continue;
+            }
             let text = text.replace("D1", "P5");
             let mut tools = tool(5.0);
             tools.tools.clear();

@@ -7,6 +7,7 @@
 //! neighbours as the profile accepts.
 
 mod element_offset;
+mod lead_arc;
 mod run;
 mod sharp_corner;
 
@@ -27,6 +28,7 @@ use cnc_msgs::profile::{Reaction, SelectTarget};
 
 pub(crate) fn check(tool_path: &mut ToolPath<'_>, chains: &Chains<'_>, report: &mut Report<'_>) {
     let span = chains.span;
+    lead_arc::check(tool_path, span, chains.all_legs, report);
     let mut check = Check {
         chains,
         span,

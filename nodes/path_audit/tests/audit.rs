@@ -136,6 +136,48 @@ fn a_full_circle_that_is_left_out_is_found() {
 }
 
 #[test]
+fn an_arc_that_leads_to_the_contour_is_the_one_that_its_control_makes() {
+    for text in [
+        "N10 G0 X0 Y0\nN20 G41 D1\nN30 G3 X20 Y20 I0 J20\nN40 G1 Y60\nN50 G40 X-30",
+        "N10 G0 X0 Y0\nN20 G42 D1\nN30 G3 X20 Y20 I0 J20\nN40 G1 X60\nN50 G40 Y0",
+        "N10 G0 X0 Y0\nN20 G41 D1\nN30 G2 X-20 Y-20 I0 J-20\nN40 G1 X-60\nN50 G40 Y-60",
+    ] {
+        let planned = Planned::new(text, rs274(), 5.0);
+        let lead = planned.index(30, Role::LeadOn);
+        assert_eq!(planned.audit(&planned.path).findings, []);
+        let changed = |change: &dyn Fn(&mut PathElement)| {
+            planned.codes_after(|path| change(&mut path.elements[lead]))
+        };
+        // Straight, the other way around, once more around, and about the programmed centre.
+        assert!(!changed(&|element| element.shape = Shape::Line).is_empty(), "{text}");
+        for what in 0..5 {
+            let codes = changed(&|element| {
+                let Shape::Arc(arc) = &mut element.shape else { unreachable!("an arc") };
+                match what {
+                    0 => arc.clockwise = !arc.clockwise,
+                    1 => arc.turns += 1,
+                    2 => arc.center = [0.0, 20.0, 0.0],
+                    3 => arc.center[0] += 1e-3,
+                    _ => arc.center[1] += 1e-3,
+                }
+            });
+            assert!(!codes.is_empty(), "{what}: {text}");
+        }
+        // Aside at its end. Along a tangent joint a smaller move stays on both sides of it.
+        for by in [[0.02, 0.0], [0.0, 0.02]] {
+            let codes = changed(&|element| {
+                element.end[0] += by[0];
+                element.end[1] += by[1];
+            });
+            assert!(!codes.is_empty(), "{by:?}: {text}");
+        }
+        // The arc that leads another tool, with all that follows.
+        let smaller = Planned::new(text, rs274(), 4.999);
+        assert!(planned.audit(&smaller.path).refuses(), "{text}");
+    }
+}
+
+#[test]
 fn events_that_are_lost_doubled_or_swapped_are_found() {
     let planned = a6();
     let count = planned.path.events.len();

@@ -423,7 +423,7 @@ impl<'a> Subject<'a> {
         Some(low)
     }
 
-    /// Whether the straight move to the contour, or from it, keeps clear of its walls.
+    /// Whether the move to the contour, or from it, keeps clear of its walls.
     fn is_lead_free(&self, at: LeadEnd, walls: &Walls<'_>, radius_mm: f64, touch_mm: f64) -> bool {
         let is_on = at == LeadEnd::On;
         let lead = match at {
@@ -443,6 +443,13 @@ impl<'a> Subject<'a> {
         let joined = Joined { links, placed: &placed, corners: self.corners() };
         let plane = self.span.plane;
         let (path, end, radius_mm) = match at {
+            // An arc leads to this radius only if the chain has it.
+            LeadEnd::On
+                if self.span.entry.arc.is_some() && lead::arc_on(&joined).is_none()
+                    || lead::starts_past(&joined).is_some() =>
+            {
+                return false;
+            }
             LeadEnd::On => {
                 let path = lead::LeadPath::on(&joined, in_plane(plane, lead.start));
                 (path, lead::FreeEnd::first(walls), radius_mm)

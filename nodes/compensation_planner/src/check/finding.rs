@@ -366,6 +366,27 @@ pub(crate) fn lead_cut(cut: &LeadCut, profile: &Profile) -> Finding {
     ))
 }
 
+/// A lead-on that is an arc starts past the path along the contour. The length of the arc, and of what
+/// the contour takes from it, mm.
+pub(crate) fn lead_starts_past(span: &Span<'_>, (length_mm, taken_mm): (f64, f64)) -> Finding {
+    let first = span.legs.first().map_or(span.entry.lead.source, |leg| leg.source);
+    let [length, taken] = with_enough_digits(length_mm, taken_mm);
+    let mut finding = Finding::error(
+        Code::LeadLength,
+        span.entry.lead.source,
+        format!(
+            "the lead-on is an arc of {length} mm; the tool meets the path along {} {taken} mm before \
+             the end of that arc",
+            block_name(first)
+        ),
+    )
+    .help("begin the arc farther from the contour, or put a straight move in the plane before it");
+    finding.other = Some(first);
+    finding.position = Some(span.entry.lead.start);
+    (finding.needed_mm, finding.available_mm) = (Some(taken_mm), Some(length_mm));
+    finding
+}
+
 /// An outside corner whose offsets do not meet (O08).
 pub(crate) fn no_corner(source: Source, profile: &Profile) -> Finding {
     let rule = profile.corner.no_intersection;

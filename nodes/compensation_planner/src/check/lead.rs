@@ -6,8 +6,8 @@ use crate::check::finding::{self, LeadCut};
 use crate::check::interference::{self, Joined};
 use crate::check::walls::Walls;
 use crate::geometry::bounds::Bounds;
-use crate::geometry::distance::{Nearest, nearest, nearest_between, nearest_on_element};
-use crate::geometry::element::{Element, Vec2, cross};
+use crate::geometry::distance::{Nearest, nearest_between, nearest_on_element};
+use crate::geometry::element::{Arc, Element, Vec2, cross};
 use crate::geometry::frame::{height, in_work};
 use crate::geometry::tolerance::{CHORD_TURN_RAD, GOUGE_MM, LENGTH_MM, LOOP_MM};
 use crate::geometry::tree::budget;
@@ -18,6 +18,7 @@ use cnc_msgs::contour::{Approach, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Plane;
 use cnc_msgs::profile::Profile;
+use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 /// The wall that a link leaves, and the tool path along it, for the check of the next span.
@@ -30,11 +31,13 @@ pub(crate) struct PreviousWall {
     pub d_mm: f64,
 }
 
-/// The tool path between the programmed path and the contour: the straight move, and the corner
-/// between it and the contour.
+/// The tool path between the programmed path and the contour: the move, and the corner between it and
+/// the contour.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LeadPath {
-    straight: (Vec2, Vec2),
+    /// Where the move starts; it is `None` if it ends there.
+    from: Vec2,
+    path: Option<Element>,
     corner: [Option<Element>; PIECES],
 }
 
@@ -44,6 +47,11 @@ impl LeadPath {
         let Joined { links, placed, corners } = *joined;
         let first = placed.first()?;
         let is_joined = links.role(first.link) == Role::Entry;
+        let has_no_arc = !is_joined && corners.span.entry.arc.is_some();
+        if has_no_arc || starts_past(joined).is_some() {
+            // That is refused as such.
+            return None;
+        }
         let end = match corners.lines(links, placed, 1).filter(|_| is_joined) {
             Some(lines) => lines.before_end,
             None if is_joined => first.end,
@@ -53,7 +61,16 @@ impl LeadPath {
         if let Some(place) = placed.get(1).filter(|_| is_joined && corner[0].is_none()) {
             corner[0] = interference::beyond(&links.at(place.link), place, false);
         }
-        Some(Self { straight: (outside, end), corner })
+        let arc = arc_on(joined).map(|(arc, _)| {
+            let turns = (arc.sweep / TAU).floor() as u16;
+            Element::arc(outside, end, arc.center, arc.turn > 0.0, turns)
+        });
+        let path = arc.unwrap_or_else(|| Element::line(outside, end));
+        Some(Self { from: outside, path, corner })
+    }
+
+    fn straight(from: Vec2, to: Vec2, corner: [Option<Element>; PIECES]) -> Self {
+        Self { from, path: Element::line(from, to), corner }
     }
 
     /// From the contour to `outside`.
@@ -61,10 +78,10 @@ impl LeadPath {
         let Joined { links, placed, corners } = *joined;
         let last = placed.last()?;
         if links.role(last.link) != Role::Exit {
-            return Some(Self { straight: (last.end, outside), corner: [None; PIECES] });
+            return Some(Self::straight(last.end, outside, [None; PIECES]));
         }
         let Some(index) = placed.len().checked_sub(2) else {
-            return Some(Self { straight: (last.start, outside), corner: [None; PIECES] });
+            return Some(Self::straight(last.start, outside, [None; PIECES]));
         };
         let mut corner = corner(joined, index);
         if corner[0].is_none() {
@@ -78,13 +95,23 @@ impl LeadPath {
             }
             None => last.start,
         };
-        Some(Self { straight: (start, outside), corner })
+        Some(Self::straight(start, outside, corner))
     }
 
     /// Its elements.
     pub(crate) fn elements(&self) -> impl Iterator<Item = Element> {
-        let straight = Element::line(self.straight.0, self.straight.1);
-        self.corner.into_iter().flatten().chain(straight)
+        self.corner.into_iter().flatten().chain(self.path)
+    }
+
+    /// How near its move comes to a wall.
+    fn nearest(&self, wall: &Element) -> Nearest {
+        match &self.path {
+            Some(path) => nearest_between(path, wall),
+            None => {
+                let on_wall = nearest_on_element(wall, self.from);
+                Nearest { distance: (on_wall - self.from).norm(), on_path: self.from, on_wall }
+            }
+        }
     }
 
     /// What it cuts, if nearer than `limit` mm. Where the lead passes above a run, only its corner
@@ -100,8 +127,8 @@ impl LeadPath {
         for path in self.corner.iter().flatten() {
             cuts.gouge = nearer(cuts.gouge, deepest_cut(walls, path, None, limit, |_| true));
         }
-        let Some(path) = Element::line(self.straight.0, self.straight.1) else { return cuts };
-        let passed = free_end.map_or(Vec::new(), |end| end.passed(walls, self.straight, limit));
+        let Some(path) = self.path else { return cuts };
+        let passed = free_end.map_or(Vec::new(), |end| end.passed(walls, &path, limit));
         let is_copy =
             |run: usize| free_end.is_some_and(|end| end.is_copy(walls, &path, limit, run));
         let counts = |run: usize| {
@@ -190,10 +217,9 @@ impl FreeEnd {
     /// perpendicular to that radius by the angle φ, it comes as near to the end as R cos φ. It
     /// comes nearer than R to whatever is within R tan φ/2 of the end, or twice that if the contour
     /// bends towards it.
-    fn passed(&self, walls: &Walls<'_>, straight: (Vec2, Vec2), radius_mm: f64) -> Vec<Part> {
-        let out = (straight.0 - self.at).norm().min((straight.1 - self.at).norm());
-        let Some(path) = Element::line(straight.0, straight.1) else { return Vec::new() };
-        let nearest_mm = (nearest_on_element(&path, self.at) - self.at).norm();
+    fn passed(&self, walls: &Walls<'_>, path: &Element, radius_mm: f64) -> Vec<Part> {
+        let out = (path.start() - self.at).norm().min((path.end() - self.at).norm());
+        let nearest_mm = (nearest_on_element(path, self.at) - self.at).norm();
         // A curve made of chords bends away from the lead at once: there they meet a little farther
         // out.
         let farthest_mm = radius_mm / (CHORD_TURN_RAD / 2.0).cos() + 2.0 * GOUGE_MM;
@@ -221,6 +247,25 @@ impl FreeEnd {
         }
         parts
     }
+}
+
+/// The path of a lead-on that is an arc, and how much of its end the contour takes away, mm.
+pub(crate) fn arc_on(joined: &Joined<'_>) -> Option<(Arc, f64)> {
+    let Joined { links, placed, corners } = *joined;
+    let first = placed.first().filter(|first| links.role(first.link) == Role::Entry)?;
+    let link = links.at(first.link);
+    match link.element.offset(link.d_in_mm)? {
+        Element::Arc(arc) if corners.span.entry.arc.is_some() => Some((arc, first.trim_out)),
+        _ => None,
+    }
+}
+
+/// Whether the contour takes away a lead-on that is an arc: the tool is past the contour's path where it
+/// starts. Its length and what is taken away, mm.
+pub(crate) fn starts_past(joined: &Joined<'_>) -> Option<(f64, f64)> {
+    let (arc, taken_mm) = arc_on(joined)?;
+    let length_mm = arc.radius * arc.sweep;
+    (taken_mm >= length_mm - LENGTH_MM).then_some((length_mm, taken_mm))
 }
 
 /// The corner at this index, if it is one.
@@ -297,7 +342,7 @@ impl Check<'_> {
         let free_end = FreeEnd::first(self.walls).filter(|_| !span.entry.is_link);
         self.span(code, (span, runs), (path, span.d_mm, free_end), lead);
         if let Some(previous) = previous_wall {
-            let near = nearest(path.straight.0, path.straight.1, &previous.wall);
+            let near = path.nearest(&previous.wall);
             if near.distance < previous.d_mm.abs() - GOUGE_MM {
                 self.report(Code::LinkGouge, near, previous.d_mm, lead, previous.source);
             }

@@ -142,7 +142,10 @@ pub(crate) fn skipped_by_leads<'a>(
         let lead = &links.at(if is_by_entry { gap.before? } else { gap.after? });
         let offset = lead.element.offset(lead.d_in_mm)?;
         let outside = if is_by_entry { offset.start() } else { offset.end() };
-        let path = Element::line(outside, stand)?;
+        let path = match offset {
+            Element::Arc(arc) => Element::arc(outside, stand, arc.center, arc.turn > 0.0, 0)?,
+            Element::Line(_) => Element::line(outside, stand)?,
+        };
         let stays = |link: &ChainLink, point: Vec2| distance_to(&path, point) - link.d_in_mm.abs();
         let parts = [0.0, 0.5, 1.0];
         let all = runs().flat_map(|(_, link)| {

@@ -13,17 +13,6 @@ pub(crate) struct Nearest {
     pub on_wall: Vec2,
 }
 
-/// The smallest distance between a straight move and an element.
-pub(crate) fn nearest(from: Vec2, to: Vec2, wall: &Element) -> Nearest {
-    match Element::line(from, to) {
-        Some(path) => nearest_between(&path, wall),
-        None => {
-            let on_wall = nearest_on_element(wall, from);
-            Nearest { distance: (on_wall - from).norm(), on_path: from, on_wall }
-        }
-    }
-}
-
 /// The smallest distance between an element of the tool path and an element of the contour.
 pub(crate) fn nearest_between(path: &Element, wall: &Element) -> Nearest {
     let mut best =

@@ -77,5 +77,9 @@ pub(crate) const CENTER_SHIFT_REL: f64 = 0.05;
 /// of a short one, posted with two decimals, may be anywhere.
 pub(crate) const SHORT_ARC_SHIFT_REL: f64 = 0.5;
 
+/// The largest radius of an arc that leads to a contour, mm: no coordinate of a program is farther. From
+/// that far away a centre still locates the arc to 1e-9 mm.
+pub(crate) const LEAD_ARC_RADIUS_MM_MAX: f64 = 1e6;
+
 /// Radii that differ by less are the same offset, mm.
 pub(crate) const RADIUS_MM: f64 = 1e-9;

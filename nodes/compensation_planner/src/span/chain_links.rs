@@ -7,6 +7,7 @@ use crate::geometry::element::Element;
 use crate::geometry::frame::in_plane;
 use crate::geometry::tolerance::REVERSAL;
 use crate::span::chain::{ChainBuilder, ChainLink, Role, Turn, turn};
+use crate::span::lead_arc::lead_arc;
 use crate::span::links::ChainLinks;
 use crate::span::{Lead, Run, Span};
 use cnc_msgs::contour::Approach;
@@ -36,7 +37,7 @@ pub(crate) fn links(
     if let Some(from) = span.entry.from {
         let d_mm = from.d_mm * scale;
         links.push(link(Role::Entry, from.element, d_mm, d_mm), 0);
-    } else if let Some(element) = line_of(&span.entry.lead, span).filter(joins_on) {
+    } else if let Some(element) = lead_on(span, d_mm).filter(joins_on) {
         links.push(link(Role::Entry, element, d_mm, d_mm), 0);
     }
     push_runs(&mut links, runs, scale);
@@ -66,6 +67,14 @@ pub(crate) fn push_runs(links: &mut ChainBuilder, runs: &[Run], scale: f64) {
 fn is_outside_corner(lead: &Element, first: Option<Element>, d_mm: f64, of: &Lead) -> bool {
     of.approach == Approach::Corner
         && first.is_some_and(|first| turn(lead, &first, d_mm) == Turn::Outside)
+}
+
+/// The lead-on at a signed offset. An arc is another one for each radius.
+fn lead_on(span: &Span<'_>, d_mm: f64) -> Option<Element> {
+    match span.entry.arc {
+        Some(programmed) => lead_arc(&programmed, d_mm).ok().map(Element::Arc),
+        None => line_of(&span.entry.lead, span),
+    }
 }
 
 fn line_of(lead: &Lead, span: &Span<'_>) -> Option<Element> {

@@ -140,6 +140,9 @@ pub(crate) fn solve(span: &mut Span<'_>, exit: &Exit, profile: &Profile) -> Solu
     }
     let corners = Corners { span, short_mm: profile.corner.short_block_mm };
     let joined = Joined { links, placed: &placed, corners };
+    if let Some(lengths_mm) = lead::starts_past(&joined) {
+        findings.push(finding::lead_starts_past(span, lengths_mm));
+    }
     for cut in cuts.cuts.iter().take(FINDINGS_MAX) {
         findings.push(finding::cut(span, &runs, cut, profile));
     }

@@ -10,15 +10,18 @@ mod findings;
 pub(crate) use blocks_between::BlocksBetween;
 pub(crate) use findings::*;
 
-use crate::geometry::element::Element;
+use crate::geometry::element::{Arc, Element};
+use crate::geometry::frame::{element, in_plane};
 use crate::geometry::tolerance::RADIUS_MM;
 use crate::span::Lead;
+use crate::span::lead_arc::{NoLeadArc, lead_arc};
 use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Shape};
 use cnc_msgs::numbers::with_enough_digits;
 use cnc_msgs::profile::{
-    CancelAxes, FullCircle, LeadLength, LeadMove, Permission, Profile, RapidMode, Rule, Strictness,
+    ArcLead, CancelAxes, FullCircle, LeadLength, LeadMove, Permission, Profile, RapidMode, Rule,
+    Strictness,
 };
 use std::f64::consts::TAU;
 
@@ -36,10 +39,49 @@ pub(crate) struct Rules<'a> {
 }
 
 impl Rules<'_> {
-    /// The first move after the selection (M21, M23, M24, S20).
-    pub(crate) fn lead_on(self, lead: &Lead, plane: Plane, radius_mm: f64) {
+    /// The first move after the selection (M21, M23, M24, S20), with its signed offset and tip
+    /// direction. Returns the arc that it programs, if it is run as one.
+    pub(crate) fn lead_on(self, lead: &Lead, plane: Plane, d_mm: f64, tip: u8) -> Option<Arc> {
         let rules = &self.profile.select;
-        self.lead(lead, plane, radius_mm, (rules.length, rules.arc_lead), "lead-on");
+        if let Shape::Arc(shape) = lead.motion.shape
+            && rules.arc_lead == ArcLead::Arc
+            && lead.along.is_none()
+        {
+            if shape.plane != plane {
+                self.wrong_arc_plane(lead.source, &lead.motion, plane);
+                return None;
+            }
+            return self.arc_lead(lead, plane, d_mm, tip);
+        }
+        let straight = (rules.length, rules.arc_lead.strictness());
+        self.lead(lead, plane, d_mm.abs(), straight, "lead-on");
+        None
+    }
+
+    /// A lead-on that is an arc and is run as one (LinuxCNC).
+    fn arc_lead(self, lead: &Lead, plane: Plane, d_mm: f64, tip: u8) -> Option<Arc> {
+        // Directions 0 and 9 are those of the centre.
+        let is_centre = matches!(tip, 0 | 9);
+        let element = element(plane, lead.start, &lead.motion);
+        let arc = match element {
+            Some(Element::Arc(arc)) if is_centre => Some(arc),
+            _ => None,
+        };
+        let mut found = match arc.map(|arc| lead_arc(&arc, d_mm)) {
+            Some(Ok(_)) => None,
+            _ if !is_centre => Some(arc_lead_of_tip(lead.source, tip)),
+            Some(Err(why)) => Some(no_lead_arc(lead.source, why, d_mm)),
+            None => Some(no_lead_arc(lead.source, NoLeadArc::FullCircle, d_mm)),
+        };
+        if let (None, Some(element)) = (&found, &element) {
+            let end = in_plane(plane, lead.motion.end);
+            found = uneven_arc(lead.source, element, end, d_mm, self.profile);
+        }
+        self.findings.extend(found.map(|mut finding| {
+            finding.position = Some(lead.motion.end);
+            finding
+        }));
+        arc
     }
 
     /// The first move after the cancel (M22, M24, M27, S29).
@@ -70,7 +112,7 @@ impl Rules<'_> {
 
     /// A move that ends one contour and begins the next (S36 to S42).
     pub(crate) fn link(self, lead: &Lead) {
-        let strictness = self.profile.select.arc_lead;
+        let strictness = self.profile.select.arc_lead.strictness();
         self.lead_type(lead, strictness, "link");
     }
 

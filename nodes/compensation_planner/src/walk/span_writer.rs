@@ -5,6 +5,8 @@
 //! block's normal point. `chain` has decided where the tool is at each joint.
 
 use crate::check::finding;
+use crate::check::interference::Joined;
+use crate::check::lead;
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::frame::{height, in_plane, in_work, plane_axes};
 use crate::geometry::tolerance::{FAR_CORNER_RADII, LENGTH_MM};
@@ -57,8 +59,18 @@ impl SpanWriter<'_> {
             feed_mm_per_min: feed(&lead.motion),
             axes: lead.motion.axes.union(plane_axes(self.span.plane)),
         };
-        let end_height = height(self.span.plane, lead.motion.end);
-        self.out.line_to(self.span.plane, target, end_height, label);
+        let (plane, end_height) = (self.span.plane, height(self.span.plane, lead.motion.end));
+        let joined = Joined { links, placed, corners: self.corners };
+        let arc = match placed.first() {
+            Some(_) => lead::arc_on(&joined).map(|(arc, taken_mm)| (arc, taken_mm / arc.radius)),
+            None => self.span.entry.arc.map(|programmed| (programmed, 0.0)),
+        };
+        match arc {
+            Some((arc, taken)) => {
+                self.out.arc_to(plane, &arc, arc.sweep - taken, target, end_height, label);
+            }
+            None => self.out.line_to(plane, target, end_height, label),
+        }
     }
 
     /// A radius of 0: writes the contour as programmed.

@@ -103,8 +103,10 @@ impl<'a> Walk<'a> {
         lead.along = selection.along.map(|along| in_plane(self.plane, along));
         let d_mm = self.signed_offset(selection.side, selection.source);
         let plane = self.plane;
+        let tip = radius::tip(self.radius, self.spindle_tool, self.profile, self.tools);
+        let mut arc = None;
         if link.is_none() {
-            self.rules().lead_on(&lead, plane, d_mm.abs());
+            arc = self.rules().lead_on(&lead, plane, d_mm, tip);
             if height(plane, motion.end) != height(plane, start) {
                 self.rules().off_plane_move(source, plane);
             }
@@ -115,8 +117,8 @@ impl<'a> Walk<'a> {
             plane,
             d_mm,
             d_out_mm: d_mm,
-            tip: radius::tip(self.radius, self.spindle_tool, self.profile, self.tools),
-            entry: Entry { lead, is_link: link.is_some(), is_joined, from: None },
+            tip,
+            entry: Entry { lead, arc, is_link: link.is_some(), is_joined, from: None },
             legs: Vec::new(),
             items: Vec::new(),
             next: None,

@@ -10,6 +10,7 @@ use crate::report::{self, Report};
 use cnc_msgs::contour::{Motion, MotionClass};
 use cnc_msgs::geometry::{Position, Shape};
 use cnc_msgs::path::{PathElement, Role};
+use cnc_msgs::profile::{ArcLead, Profile};
 
 /// How far a position may be from the programmed one, mm. The planner drops elements shorter than
 /// half of it.
@@ -54,7 +55,8 @@ pub(crate) fn align(tool_path: &mut ToolPath<'_>, report: &mut Report<'_>) -> bo
                     && (element.end[u] - here[u]).abs().max((element.end[v] - here[v]).abs())
                         <= SAME_MM
             }
-            Role::LeadOn | Role::Link => element.shape == Shape::Line,
+            Role::LeadOn => same_lead(motion, element, report.profile),
+            Role::Link => element.shape == Shape::Line,
             Role::Contour | Role::Corner => true,
         };
         if !is_programmed {
@@ -198,6 +200,19 @@ fn turns(motion: &Motion) -> bool {
 
 fn near(a: Position, b: Position) -> bool {
     (0..3).all(|axis| (a[axis] - b[axis]).abs() <= SAME_MM)
+}
+
+/// Whether a lead-on has the shape that its profile makes of the programmed move. `offsets` checks where
+/// an arc runs.
+fn same_lead(motion: &Motion, element: &PathElement, profile: &Profile) -> bool {
+    match (&motion.shape, &element.shape) {
+        (Shape::Arc(a), Shape::Arc(b)) => {
+            profile.select.arc_lead == ArcLead::Arc
+                && (a.plane, a.clockwise, a.turns) == (b.plane, b.clockwise, b.turns)
+        }
+        (Shape::Arc(_), Shape::Line) => profile.select.arc_lead != ArcLead::Arc,
+        (Shape::Line, shape) => *shape == Shape::Line,
+    }
 }
 
 fn same_motion(motion: &Motion, element: &PathElement) -> bool {

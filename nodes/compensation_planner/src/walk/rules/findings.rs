@@ -4,6 +4,7 @@ use super::of;
 use crate::check::finding::{block_name, rounded_down};
 use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{MERGE_MM, RADIUS_MM};
+use crate::span::lead_arc::NoLeadArc;
 use cnc_msgs::contour::{Motion, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Shape};
@@ -182,6 +183,58 @@ pub(crate) fn uneven_arc(
     finding.needed_mm = Some(arc.radius);
     finding.available_mm = Some(at_end);
     Some(finding)
+}
+
+/// An arc that no arc leads to its offset, for a tool at a signed distance from it.
+pub(crate) fn no_lead_arc(source: Source, why: NoLeadArc, d_mm: f64) -> Finding {
+    let radius_mm = d_mm.abs();
+    let straight = "put a straight move in the plane before the arc";
+    match why {
+        NoLeadArc::FullCircle => Finding::error(
+            Code::LeadType,
+            source,
+            "the lead-on is a full circle; an arc that leads to the contour must end elsewhere",
+        )
+        .help(straight),
+        NoLeadArc::Short { chord_mm } => {
+            let [chord, radius] = with_enough_digits(chord_mm, radius_mm);
+            let mut finding = Finding::error(
+                Code::LeadLength,
+                source,
+                format!(
+                    "the lead-on is an arc whose ends are {chord} mm apart; they must be farther \
+                     apart than the radius of {radius} mm"
+                ),
+            )
+            .help(format!("make the arc larger, use a smaller tool, or {straight}"));
+            (finding.needed_mm, finding.available_mm) = (Some(radius_mm), Some(chord_mm));
+            finding
+        }
+        NoLeadArc::Inside { radius_mm_limit } => {
+            let [limit, radius] = with_enough_digits(radius_mm_limit, radius_mm);
+            let mut finding = Finding::error(
+                Code::LeadType,
+                source,
+                format!(
+                    "the lead-on is an arc that leads tools with a radius below {limit} mm along its \
+                     inside; this one has {radius} mm"
+                ),
+            )
+            .help(format!("make the arc larger, use a smaller tool, or {straight}"));
+            (finding.needed_mm, finding.available_mm) = (Some(radius_mm), Some(radius_mm_limit));
+            finding
+        }
+    }
+}
+
+/// An arc as the first move of a tip.
+pub(crate) fn arc_lead_of_tip(source: Source, tip: u8) -> Finding {
+    Finding::error(
+        Code::LeadType,
+        source,
+        format!("the lead-on is an arc; with tip direction {tip} it must be a straight line"),
+    )
+    .help("put a straight move in the plane before the arc")
 }
 
 /// A corner arc towards a direction that the next block does not have (NCT G39).
