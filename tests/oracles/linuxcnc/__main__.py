@@ -36,8 +36,9 @@ LARGER = 100
 
 # What is decided to be otherwise than in LinuxCNC: the programs, what is said of them, and why.
 DIFFERENCES = [
-    (r"an arc as the lead-on$", r"refused: lead_type",
-     "an arc as the first move under compensation: LinuxCNC takes it"),
+    (r"^arc lead ", r"^refused: lead_type .* along its inside",
+     "an arc as the first move that starts beyond the tangent beside its end: LinuxCNC comes to "
+     "that place backwards"),
     (r"no G40$", r"refused: not_cancelled",
      "a program that ends under compensation has forgotten its G40"),
     (r"G40 alone, up, and nothing more$", r"refused: not_cancelled",

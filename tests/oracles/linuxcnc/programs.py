@@ -20,6 +20,8 @@ SHALLOW_RAD = 0.05
 class Span:
     side: float
     elements: list = field(default_factory=list)
+    # The lead-on, if it is an arc.
+    lead: object = None
     # Of each element: its greatest height.
     heights: list = field(default_factory=list)
 
@@ -78,7 +80,8 @@ class Program:
     def is_shallow(self):
         """Whether somewhere it turns by less than LinuxCNC rounds, and is not tangent."""
         for span in self.spans:
-            for one, other in zip(span.elements, span.elements[1:]):
+            elements = [span.lead] * (span.lead is not None) + span.elements
+            for one, other in zip(elements, elements[1:]):
                 turn = heading(other, False) - heading(one, True)
                 turn = abs(math.remainder(turn, 2.0 * math.pi))
                 if 1e-7 < turn < SHALLOW_RAD:
@@ -133,6 +136,7 @@ class Program:
             role, self.is_leaving = "off", False
         elif self.is_armed:
             role, self.is_armed, self.is_on = "on", False, True
+            self.spans[span].lead = element
         elif self.is_on:
             role, number = "contour", len(self.spans[span].elements)
             self.spans[span].elements.append(element or Line(self.at, end))
@@ -282,6 +286,56 @@ def entries():
                 for length in (5.001, 7.0, 30.0):
                     program = Program(f"entry {shape} {name} {degrees:+d} {length:g}")
                     yield cut(program, elements, side, (degrees, length))
+
+
+def led(program, lead, elements, side, leave=(90, 20.0), z=-2.0):
+    """In by an arc that the compensation begins with, along the elements, and out."""
+    program.rapid(lead.start).plunge(z).arm(side).follow(lead)
+    for element in elements:
+        program.follow(element)
+    program.off(beside(elements[-1], side, True, *leave))
+    return program.plunge(5.0, "G0").end()
+
+
+def arc_leads():
+    """An arc as the first move: every sweep and size, on both sides, before every kind of joint."""
+    joints = [("line", 0), ("left", 0), ("right", 0), ("line", -90), ("line", 60), ("left", -40),
+              ("right", 35), ("line", 130), ("line", -150), ("right", -100), ("left", 80)]
+    number = 0
+    for name, side in sides():
+        for turn in (1, -1):
+            for degrees in (10, 30, 45, 60, 90, 135, 180, 225, 270, 315, 350):
+                for radius in (3.1, 5.3, 7.7, 12.0, 40.0, 400.0):
+                    for _ in range(2):
+                        after, bend = joints[number % len(joints)]
+                        number += 1
+                        pen = Pen((10.0, 20.0), 33.0).bend(radius, degrees * turn)
+                        draw(pen.turn(bend), after)
+                        sweep = degrees * turn
+                        yield led(Program(f"arc lead {name} {radius:g} {sweep:+d} {after} {bend:+d}"),
+                                  pen.elements[0], pen.elements[1:], side)
+
+
+def arc_leads_by_chance(count=300):
+    """Random contours after random arcs; the seed is a literal."""
+    chance = random.Random(41)
+    for number in range(count):
+        radius = chance.choice((5.0, 3.0, 1.0))
+        pen = Pen((0.0, 0.0), chance.uniform(0.0, 360.0))
+        degrees = chance.uniform(20.0, 330.0)
+        pen.bend(chance.uniform(0.8, 12.0) * radius, chance.choice((-1, 1)) * degrees)
+        for _ in range(chance.randint(1, 5)):
+            pen.turn(chance.choice((0, 0, chance.uniform(-100.0, 100.0))))
+            if chance.random() < 0.5:
+                pen.go(chance.uniform(4.0, 40.0))
+            else:
+                pen.bend(chance.uniform(4.0, 30.0), chance.choice((-1, 1)) * chance.uniform(20, 160))
+        side = chance.choice((LEFT, RIGHT))
+        leave = (chance.choice((0, 45, 90)), chance.uniform(1.2, 6.0) * radius)
+        # On the far side of its circle, rounded coordinates move the arc of the tool by many times as much.
+        digits = chance.choice((9, 9, 4)) if degrees < 150.0 else 9
+        yield led(Program(f"arc lead chance {number}", radius, digits), pen.elements[0],
+                  pen.elements[1:], side, leave)
 
 
 def exits():
@@ -572,6 +626,6 @@ def by_chance(count=150):
 
 
 def programs():
-    for family in (corners, entries, exits, ways_of_writing, loops, rolled_noise, bores, slots,
+    for family in (corners, entries, arc_leads, arc_leads_by_chance, exits, ways_of_writing, loops, rolled_noise, bores, slots,
                    features, noise, by_chance):
         yield from family()

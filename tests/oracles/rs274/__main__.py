@@ -135,9 +135,14 @@ def compensated_difference(linuxcnc, kerf):
     paths = []
     for answer in (linuxcnc, kerf):
         moves = [it for it in answer.items if isinstance(it, Move) and not it.axes]
-        if any(it.plane not in (None, "xy") for it in moves):
+        planes = {it.plane for it in moves} - {None}
+        if len(planes) > 1:
             return None
-        paths.append([moved(n, it.kind == "rapid", it.start, it.end, it.center, it.rotation)
+        # The axes of the plane first.
+        axes = {"zx": (2, 0, 1), "yz": (1, 2, 0)}.get(*planes, (0, 1, 2)) if planes else (0, 1, 2)
+        ends = [[tuple(place[axis] for axis in axes) for place in (it.start, it.end)]
+                for it in moves]
+        paths.append([moved(n, it.kind == "rapid", *ends[n], it.center, it.rotation)
                       for n, it in enumerate(moves)])
     return same(*paths, COMPENSATED_MM)
 

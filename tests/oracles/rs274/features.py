@@ -870,6 +870,77 @@ def tips(program, rng):
                 f"G1 X{length(60)}", f"G40 G0 X{length(rng.randint(70, 80))} Z{length(60)}")
 
 
+@feature("arcs that begin compensation", 300)
+def arc_leads(program, rng):
+    # In both planes with compensation, on both sides, before a straight or an arc; the tool leaves far away.
+    side, turn = rng.choice([-1, 1]), rng.choice([-1, 1])
+    turning = rng.random() < 0.3
+    one, two, center_one, center_two, up = "ZXKIY" if turning else "XYIJZ"
+    radius, degrees = rng.uniform(2, 30), rng.uniform(20, 340)
+    # In G18 the turn is that about Y, from Z to X.
+    word = "G3" if turn > 0 else "G2"
+    heading = rng.uniform(0, 2 * math.pi)
+    start = (rng.uniform(-20, 20), rng.uniform(-20, 20))
+
+    def beside(point, direction, distance):
+        return (point[0] - distance * math.sin(direction), point[1] + distance * math.cos(direction))
+
+    center = beside(start, heading, turn * radius)
+    leave = heading + turn * math.radians(degrees)
+    end = beside(center, leave, -turn * radius)
+    is_relative = rng.random() < 0.3
+    at = (0.0, 0.0)
+
+    def words(point):
+        origin = at if is_relative else (0.0, 0.0)
+        values = [length(p - o, 6) for p, o in zip(point, origin)]
+        return f"{one}{values[0]} {two}{values[1]}"
+
+    diameter = rng.choice([1.0, 3.0, 6.0, 9.0])
+    select = rng.choice([f"G41.1 D{length(diameter)}", "G41 D1"])
+    if side < 0:
+        select = select.replace("41", "42")
+    if rng.random() < 0.15:
+        # A negative diameter is that on the other side.
+        select = select.replace("41", "40").replace("42", "41").replace("40", "42")
+        select = re.sub(r"D\{L", "D{L-", select) if ".1" in select else select
+        side = side if ".1" in select else -side
+    is_absolute = not is_relative and rng.random() < 0.3
+    if rng.random() < 0.25 and degrees < 330:
+        form = f"R{length(radius if degrees < 180 else -radius, 6)}"
+    else:
+        origin = (0.0, 0.0) if is_absolute else start
+        form = f"{center_one}{length(center[0] - origin[0], 6)} {center_two}{length(center[1] - origin[1], 6)}"
+    rise = f" {up}{length(rng.uniform(-3, 3))}" if rng.random() < 0.3 else ""
+    program.add(*["G18"] * turning, f"G0 {one}{length(start[0], 6)} {two}{length(start[1], 6)}",
+                *["G90.1"] * is_absolute, *["G91"] * is_relative)
+    at = start
+    arc = f"{word} {words(end)} {form}{rise}"
+    if rng.random() < 0.2:
+        # Called, as posts call each contour.
+        program.lines[:0] = ["o100 sub", *([select, arc] if rng.random() < 0.5 else [f"{select} {arc}"]),
+                             "o100 endsub"]
+        program.add("o100 call")
+    elif rng.random() < 0.5:
+        program.add(select, arc)
+    else:
+        program.add(f"{select} {arc}")
+    at, direction = end, leave + math.radians(rng.choice([0, 0, rng.uniform(-80, 80)]))
+    if rng.random() < 0.4:
+        bend, size = rng.choice([-1, 1]), rng.uniform(6, 30)
+        center = beside(at, direction, bend * size)
+        direction += bend * math.radians(rng.uniform(20, 90))
+        then = beside(center, direction, -bend * size)
+        origin = (0.0, 0.0) if is_absolute else at
+        program.add(f"{'G3' if bend > 0 else 'G2'} {words(then)} "
+                    f"{center_one}{length(center[0] - origin[0], 6)} {center_two}{length(center[1] - origin[1], 6)}")
+    else:
+        then = beside(at, direction - math.pi / 2, rng.uniform(10, 40))
+        program.add(f"G1 {words(then)}")
+    at = then
+    program.add(f"G40 G1 {words(beside(at, direction, side * 40))}")
+
+
 @feature("splines", 40)
 def splines(program, rng):
     program.scales = False
