@@ -315,3 +315,43 @@ proptest! {
         prop_assert!((apart - diameter / 2.0).abs() < 1e-3, "{apart}: {text}");
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// The arc may meet a curve of chords in an inside corner, and skip some of them.
+    #[test]
+    fn arcs_that_lead_to_chords_are_judged_alike(
+        radius in 2.0..40.0_f64,
+        sweep in prop_oneof![-340.0..-10.0_f64, 10.0..340.0_f64],
+        turn in prop_oneof![Just(0.0), -140.0..140.0_f64],
+        bend in -6.0..6.0_f64,
+        chords in 3..30_usize,
+        length in 0.1..4.0_f64,
+        diameter in 0.5..20.0_f64,
+        is_left in any::<bool>(),
+    ) {
+        let side = sweep.signum();
+        let at = |degrees: f64| {
+            let (sin, cos) = (degrees - 90.0 * side).to_radians().sin_cos();
+            [radius * cos, radius * sin + radius * side]
+        };
+        let (mut end, mut heading) = (at(sweep), sweep + turn);
+        let mut text = format!(
+            "G0 X0 Y0\n{} D{diameter:.3}\n{} X{:.4} Y{:.4} I0 J{:.4}\nG1",
+            if is_left { "G41.1" } else { "G42.1" },
+            if side > 0.0 { "G3" } else { "G2" },
+            end[0], end[1], radius * side,
+        );
+        for _ in 0..chords {
+            let (sin, cos) = heading.to_radians().sin_cos();
+            end = [end[0] + length * cos, end[1] + length * sin];
+            text += &format!(" X{:.4} Y{:.4}\n", end[0], end[1]);
+            heading += bend;
+        }
+        let (sin, cos) = (heading - bend).to_radians().sin_cos();
+        let out = if is_left { [-sin, cos] } else { [sin, -cos] };
+        text += &format!("G40 X{:.4} Y{:.4}", end[0] + 60.0 * out[0], end[1] + 60.0 * out[1]);
+        judged(&text);
+    }
+}
