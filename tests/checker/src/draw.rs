@@ -28,6 +28,9 @@ pub fn program(seed: u64) -> Program {
     }
 }
 
+/// Makes of a seed another one, for arcs as leads. The programs of `mended` have none.
+const ARC_LEADS: u64 = 0x1_0000_0108;
+
 /// What is the same all through a program.
 struct Job {
     control: Control,
@@ -42,6 +45,8 @@ struct Job {
     /// The words that select the tool on `G41`.
     tool_words: String,
     features: Vec<&'static str>,
+    /// For programs that begin with an arc; what else a seed draws stays as it was without them.
+    arc_leads: Option<Random>,
 }
 
 fn attempt(seed: u64, control: Control, random: &mut Random) -> Option<Program> {
@@ -59,6 +64,8 @@ fn attempt(seed: u64, control: Control, random: &mut Random) -> Option<Program> 
         Control::Automation1 | Control::OspLathe => 1.0,
         _ => random.of(&[1.0, 1.0, 1.0, 1.0, -1.0]),
     };
+    let mut arcs = Random::new(seed ^ ARC_LEADS);
+    let has_arcs = control == Control::Rs274 && arcs.once_in(4);
     let mut job = Job {
         control,
         radius_mm,
@@ -72,6 +79,7 @@ fn attempt(seed: u64, control: Control, random: &mut Random) -> Option<Program> 
         sign,
         tool_words: String::new(),
         features: Vec::new(),
+        arc_leads: Some(arcs).filter(|_| has_arcs),
     };
     if sign < 0.0 {
         job.features.push("negative radius");
@@ -195,7 +203,17 @@ fn draw_spans(
     if rapid && job.control == Control::OspLathe {
         writer.block("G1 F600");
     }
-    writer.go(&format!("{word}{}{select} {mode}", job.tool_words), first.start());
+    let words = format!("{word}{}{select} ", job.tool_words);
+    let own = job.arc_leads.as_mut().filter(|_| !rapid);
+    match own.and_then(|own| Some((arc_lead(outside, &first, own)?, own))) {
+        Some((arc, own)) => {
+            writer.piece(&words, &arc, own);
+            job.features.push("arc leads");
+        }
+        None => {
+            writer.go(&format!("{words}{mode}"), first.start());
+        }
+    }
     let first_line = writer.line;
     let changes_at = change_of_tool(job, &planned, random);
     let mut span = Span {
@@ -232,6 +250,26 @@ fn draw_spans(
     writer.height("G0", 5.0);
     spans.push(span);
     Some(spans)
+}
+
+/// An arc that leads from a point to a contour.
+fn arc_lead(from: Point, first: &Piece, random: &mut Random) -> Option<Piece> {
+    let (to, ahead) = (first.start(), first.direction(0.0));
+    let chord = to - from;
+    let is_tangent = random.once_in(2);
+    // How far to the left of the chord the centre is.
+    let left = match is_tangent {
+        // On the normal of the contour; where that is along the chord there is none.
+        true => chord.dot(ahead) / chord.cross(ahead) * chord.length() / 2.0,
+        false => chord.length() * random.between(-2.0, 2.0),
+    };
+    let center = from + chord * 0.5 + chord.unit().left() * left;
+    let is_ccw = match is_tangent {
+        true => (to - center).left().dot(ahead) > 0.0,
+        false => random.once_in(2),
+    };
+    let is_drawn = left.abs() < 50.0 * chord.length() && chord.length() > 1e-3;
+    is_drawn.then(|| Piece::arc(from, to, center, is_ccw))
 }
 
 /// The contour after a change of side.

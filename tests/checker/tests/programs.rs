@@ -46,6 +46,7 @@ fn no_program_is_cut_silently_and_no_fitting_tool_is_refused() {
     }
     for feature in [
         "D words",
+        "arc leads",
         "change of side",
         "legs that cross",
         "negative radius",
