@@ -72,7 +72,7 @@ impl Encoder {
                 self.allow_overrides(allowed?, source);
                 Ok(())
             }
-            None => Err(EncodeProblem::Unsupported { word: action.text() }),
+            None => Err(EncodeProblem::not_here(action)),
         }
     }
 

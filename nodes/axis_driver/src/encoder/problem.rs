@@ -1,6 +1,6 @@
 //! Why a path cannot be sent: with the source line, the numbers and what is allowed.
 
-use cnc_msgs::contour::{Source, work_system};
+use cnc_msgs::contour::{Action, Source, work_system};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::path::CompensatedPath;
 
@@ -114,4 +114,23 @@ pub enum EncodeProblem {
     AfterEnd { word: String, end: u32 },
     #[error("the line {text:?} has {bytes} bytes; the controller accepts {max}")]
     LineLength { text: String, bytes: usize, max: usize },
+}
+
+impl EncodeProblem {
+    /// A word that only a machine can do, and this one does not.
+    pub(crate) fn not_here(action: &Action) -> Self {
+        let word = action.text();
+        let why = match *action {
+            Action::Auxiliary { letter: 'M', number: 19.0, .. } => {
+                "no firmware that Kerf knows turns its spindle to an angle; let a function of your cell do it \
+                 (M100 to M199), or stop with M0 and turn it by hand"
+            }
+            Action::Auxiliary { letter: 'G', number: 96.0 | 97.0, .. } => {
+                "grblHAL has one speed for all moves that it has planned, which would not follow the tool, and other \
+                 firmware has no G96; post speeds in 1/min (G97)"
+            }
+            _ => return Self::Unsupported { word },
+        };
+        Self::NeverDone { word, why }
+    }
 }

@@ -157,9 +157,9 @@ impl FunctionCheck {
                         self.first_port.get_or_insert_with(|| (source, action.text()));
                     }
                     None => {
-                        let unsupported = EncodeProblem::Unsupported { word: action.text() };
                         let after = AllowedOverrides::default().after(&action);
-                        if let Err(problem) = after.unwrap_or(Err(unsupported)) {
+                        if let Err(problem) = after.unwrap_or(Err(EncodeProblem::not_here(&action)))
+                        {
                             self.refuse(source, problem);
                         }
                     }

@@ -544,6 +544,11 @@ fn outputs_and_inputs_are_those_of_the_board() {
             word(68.0, "E0 Q1"),
             Some("M68 E0 Q1 needs analog output 0"),
         ),
+        (
+            of(Firmware::GrblHal, Some([9; 4])),
+            word(19.0, "R90"),
+            Some("M19 R90 is not done: no firmware that Kerf knows turns its spindle to an angle"),
+        ),
         // That of another control is no word for a port.
         (of(Firmware::GrblHal, Some([9; 4])), word(64.0, ""), Some("this controller has no M64")),
     ] {

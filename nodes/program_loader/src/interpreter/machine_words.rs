@@ -120,6 +120,7 @@ impl Interpreter<'_> {
         let (is_good, help) = match (number, letter) {
             _ if value.is_nan() => return,
             (19, b'R') => ((0.0..=360.0).contains(&value), "write an angle from 0 to 360"),
+            (19, b'Q') => (value > 0.0, "write the longest wait in seconds, above 0"),
             (19, b'P') => {
                 (is_whole && (0.0..=2.0).contains(&value), "write P0, P1 or P2: the way around")
             }
@@ -151,6 +152,11 @@ impl Interpreter<'_> {
             let message = format!("{} without {letter}", scene.quote(at));
             let help = format!("write {letter} with {what}");
             return self.report_at(scene, at, Code::MissingWord, message, &help);
+        }
+        if number == 19 && !has(b'R') && !has(b'P') {
+            let message = format!("{} without R", scene.quote(at));
+            let help = "write R with the angle in degrees";
+            return self.report_at(scene, at, Code::MissingWord, message, help);
         }
         if number != 66 {
             return;

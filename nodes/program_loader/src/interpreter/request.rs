@@ -260,9 +260,12 @@ impl Request {
             MWord::Unknown => return self.unknown(scene, at),
             _ => {}
         }
-        let rival = self
-            .m()
-            .find(|&(other, other_number, _)| excludes(other, meaning) || other_number == number);
+        let rival = self.m().find(|&(other, other_number, _)| {
+            other_number == number
+                || excludes(other, meaning)
+                || machine_group(other, other_number).is_some()
+                    && machine_group(other, other_number) == machine_group(meaning, number)
+        });
         if let Some((_, _, rival)) = rival {
             return self.exclude(scene, rival, at);
         }
@@ -328,7 +331,6 @@ fn excludes(one: MWord, other: MWord) -> bool {
             MWord::Stop { .. } | MWord::ProgramEnd { .. },
             MWord::Stop { .. } | MWord::ProgramEnd { .. },
         )
-        | (MWord::Spindle(_), MWord::Spindle(_))
         | (MWord::ProgramEnd { .. } | MWord::EndProgram, MWord::CallProgram | MWord::EndProgram)
         | (MWord::CallProgram, MWord::ProgramEnd { .. } | MWord::EndProgram)
         | (MWord::EndProgram, MWord::ProgramEnd { .. })
@@ -338,6 +340,17 @@ fn excludes(one: MWord, other: MWord) -> bool {
             one == CoolantMode::Off || other == CoolantMode::Off
         }
         _ => false,
+    }
+}
+
+/// The modal group of words that only the machine knows, as LinuxCNC numbers it: two of one group exclude each other.
+const fn machine_group(meaning: MWord, number: u16) -> Option<u8> {
+    match (meaning, number) {
+        (MWord::Machine, 62..=68) => Some(5),
+        (MWord::Spindle(_), _) | (MWord::Machine, 19) => Some(7),
+        (MWord::Machine, 48..=53) => Some(9),
+        (MWord::Machine, 100..=199) => Some(10),
+        _ => None,
     }
 }
 

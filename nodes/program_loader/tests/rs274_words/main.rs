@@ -109,6 +109,17 @@ fn a_program_that_aborts_is_refused_with_its_text() {
 }
 
 #[test]
+fn two_words_for_the_machine_of_one_group_exclude_each_other() {
+    check_bad(&[
+        ("M3 M19 R5\nM2", &[("M19", "M3 and M19 exclude each other in one block")]),
+        ("M62 P1 M65\nM2", &[("M65", "M62 and M65 exclude each other in one block")]),
+        ("M101 M102\nM2", &[("M102", "M101 and M102 exclude each other in one block")]),
+        ("M19\nM2", &[("M19", "M19 without R")]),
+        ("M19 R5 Q0\nM2", &[("Q0", "M19 does not take Q0")]),
+    ]);
+}
+
+#[test]
 fn words_for_the_machine_are_passed_on_with_their_values() {
     check(&[
         ("M62 P1 G0 X1\nM2", "M62 P1; rapid X1 Y0 Z0 named X; M2", &[]),
@@ -241,7 +252,7 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
             &["G97 without S: no spindle speed is in force after G96"],
         ),
         // What changes nothing is no event.
-        ("M48 M51\nM50 P0\nM48\nM2", "M50 P0; M50 P1; M2", &[]),
+        ("M48\nM51\nM50 P0\nM48\nM2", "M50 P0; M50 P1; M2", &[]),
         // Feet a minute. Of an arc the part that is cut counts.
         (
             "G20 G96 S100 D1000\nG21 M3\nG0 X10 Z0\nG18 G95 G3 X10 Z-10 R1000 F.2\nM2",
