@@ -25,6 +25,7 @@ use compensation_planner::verdict::Disagreement;
 use compensation_planner::{Planning, Start, Verdict, judge, start};
 use program_loader::limits::{COORDINATE_MM_MAX, PROGRAM_BYTES_MAX};
 use program_loader::subroutines::with_subroutines;
+use program_loader::tool_rows::load_with_tools;
 use program_loader::{LoadOptions, Loaded};
 use report::plan::{Elements, OnMachine, PlanReport};
 use std::io::{self, IsTerminal, Write};
@@ -196,7 +197,8 @@ impl Planned {
         options: &LoadOptions,
         planning: Planning<'_>,
     ) -> Self {
-        Self::of(program_loader::load(text, profile, options), profile, tools, planning)
+        let (_, loaded) = load_with_tools(text, profile, options, tools);
+        Self::of(loaded, profile, tools, planning)
     }
 
     /// Plans and audits what was loaded, unless it was refused.

@@ -47,6 +47,23 @@ fn a_tool_is_confirmed_only_when_the_path_was_made_with_it() {
 }
 
 #[test]
+fn a_program_that_reads_the_tool_table_is_read_again_when_it_changes() {
+    let (machine, _folder) = machine("tools:\n  2: {diameter_mm: 8.0, length_mm: 50.0}\n", &[]);
+    machine.folder.file("reads.ngc", "G21 G90 G94\nM61 Q2\nG1 X#5410 F2000\nM30\n");
+    machine.kerf(&["run", "reads.ngc"]).expect(0);
+    let stands = |place: &str| machine.kerf(&["status"]).expect(0).out.contains(place);
+    assert!(stands("X8.000"));
+    machine.kerf(&["tool", "T2", "--wear", "-0.5"]).expect(0);
+    machine::until("it runs to another place", || {
+        let _may_be_read_meanwhile = machine.kerf(&["run"]);
+        stands("X7.500").then_some(())
+    });
+    machine.folder.file("other.ngc", "G21 G90 G94\nM61 Q3\nG1 X#5410 F2000\nM30\n");
+    let says = "#5410 is a value of T3, which is not in the tool table";
+    machine.kerf(&["load", "other.ngc"]).expect(4).says(&[says, "add T3 to the tool table"]);
+}
+
+#[test]
 fn a_program_for_which_the_planner_has_too_little_memory_is_refused_with_numbers() {
     let (machine, _folder) =
         machine("tools: {}\n", &["-p", "compensation_planner:memory_mb_max:=64"]);

@@ -31,6 +31,7 @@ mod stored;
 mod system;
 mod threads;
 mod tool_lengths;
+mod tool_values;
 mod turn;
 mod turning;
 
@@ -42,6 +43,7 @@ use crate::findings::Findings;
 use crate::limits::MM_PER_INCH;
 use crate::line::Line;
 use crate::rules::Rules;
+use crate::tool_rows::ToolRows;
 use axes::Axes;
 use cnc_msgs::calls::Calls;
 use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, ProgrammedContour, Source};
@@ -114,6 +116,10 @@ pub(crate) struct Interpreter<'r> {
     named_tools: Vec<(u32, Source)>,
     /// What G10 has set for tools.
     tool_entries: ToolEntries,
+    /// The rows of the tool table; `None` where the text has none.
+    tool_rows: Option<ToolRows>,
+    /// Whether a row of the table was read.
+    has_read_tools: Cell<bool>,
     /// Stored positions and work offsets that are known, by their numbers.
     stored: BTreeMap<u32, f64>,
     rotations: Rotations,
@@ -161,6 +167,8 @@ impl<'r> Interpreter<'r> {
             bounds: Bounds::default(),
             named_tools: Vec::new(),
             tool_entries: ToolEntries::new(),
+            tool_rows: None,
+            has_read_tools: Cell::new(false),
             stored: BTreeMap::new(),
             rotations: Rotations::default(),
             open_curve: None,

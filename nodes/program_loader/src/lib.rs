@@ -41,6 +41,7 @@ pub mod parameter_file;
 pub mod probe_results;
 pub mod render;
 pub mod subroutines;
+pub mod tool_rows;
 pub mod upload;
 
 pub use bounds::Bounds;
@@ -94,6 +95,8 @@ pub struct Loaded {
     /// The block that needs the result of a probe which the text does not have: the contour ends before
     /// it ([`probe_results`]).
     pub awaits: Option<Source>,
+    /// Whether the program has read what the tool table has of a tool ([`tool_rows`]).
+    pub reads_tools: bool,
 }
 
 impl Loaded {
@@ -208,6 +211,7 @@ pub fn load_in_parts(
     }
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     let (text, measured) = probe_results::split(text);
+    let (text, tool_rows) = tool_rows::split(text);
     let text = without_filler(text);
     let text = if options.is_single_block { text.trim_ascii_end() } else { text };
     let line_feeds = memchr::memchr_iter(b'\n', text).count();
@@ -240,6 +244,7 @@ pub fn load_in_parts(
     let mut interpreter = Interpreter::new(&rules, options.start, events);
     interpreter.store(&stored, &mut findings);
     interpreter.take_results(measured, options.probes_touch_at);
+    interpreter.take_tools(tool_rows);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
     reader.store(&stored);
     let Read { interpreter, parameters, mut findings, calls, awaits } =
@@ -274,12 +279,14 @@ pub fn load_in_parts(
         }
     }
     findings.explain(&calls);
+    let reads_tools = interpreter.has_read_tools();
     if findings.has_error() {
-        return refused(findings);
+        return Loaded { reads_tools, ..refused(findings) };
     }
     let (contour, bounds, named_tools) = interpreter.finish();
     let findings = findings.finish();
-    let mut loaded = Loaded { contour, findings, line_count, bounds, named_tools, left, awaits };
+    let mut loaded =
+        Loaded { contour, findings, line_count, bounds, named_tools, left, awaits, reads_tools };
     loaded.take_calls(calls);
     loaded
 }

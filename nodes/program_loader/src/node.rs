@@ -10,6 +10,7 @@ mod lifecycle;
 mod parameter_file;
 mod parameters;
 mod stretches;
+mod tools;
 
 use crate::limits::PROGRAM_BYTES_MAX;
 use crate::subroutines::with_subroutines;
@@ -20,6 +21,7 @@ pub use answer::{corners, refusal};
 use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
 use cnc_msgs::interface::Service;
 use cnc_msgs::profile::{Profile, UnknownReaction};
+use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::units::position_from_point;
 use cnc_msgs::wire::cnc_msgs::msg::{ContourChunk, Program, ProgramChunk, ProgrammedContour};
 use cnc_msgs::wire::cnc_msgs::srv::{
@@ -40,7 +42,7 @@ use settings::ProfileError;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
-use stretches::Probing;
+use tools::ReadAgain;
 
 /// Runs the node until it is shut down.
 pub fn main(args: Vec<String>) -> ExitCode {
@@ -107,6 +109,7 @@ async fn start(node: Handle) -> Result<Arc<Loader>, runtime::Error> {
         std::future::ready(shared.contour_chunks(&request))
     })?;
     stretches::offer(&node, &loader, &commands)?;
+    tools::follow(&node, &loader)?;
     Ok(loader)
 }
 
@@ -135,6 +138,8 @@ struct Loader {
 struct LoaderState {
     uploads: Uploads,
     current: Option<Current>,
+    /// The planner's, once it has come.
+    tools: Option<ToolTable>,
     /// Why the newest request was rejected.
     refused: Option<String>,
 }
@@ -147,8 +152,8 @@ struct Current {
     contour_manifest: ProgrammedContour,
     program: Cut<ProgramChunk>,
     contour: Cut<ContourChunk>,
-    /// What it is read from again, where it computes with the results of probes.
-    probing: Option<Arc<Probing>>,
+    /// What it is read from again, where it computes with the results of probes or with the tool table.
+    again: Option<Arc<ReadAgain>>,
     /// The same program without results, where it has some.
     first: Option<Box<Current>>,
 }
@@ -247,16 +252,9 @@ impl Loader {
             Some(file) => file.append(text, &profile)?,
             None => text,
         };
-        let mut loaded = load(&text, &profile, &self.options);
+        let (text, mut loaded) = self.load(&text, &profile);
         loaded.allow_tools(&request.expected_tools);
-        let probing = loaded.awaits.map(|_| {
-            Arc::new(Probing {
-                name: name.clone(),
-                text: text.clone(),
-                profile: profile.clone(),
-                expected_tools: request.expected_tools.clone(),
-            })
-        });
+        let again = ReadAgain::of(&loaded, &name, &text, &profile, &request.expected_tools);
         let (findings, finding_count) = first_findings(&loaded);
         if let Some(message) = refusal(&name, &loaded) {
             return Ok(LoadProgramResponse {
@@ -282,8 +280,8 @@ impl Loader {
         };
         tracing::info!("{}", response.message);
         self.remember_left(&response.program_id, &mut loaded);
-        let current = self.current(name, text, &profile, loaded);
-        self.publish(Current { probing, ..current });
+        let current = self.current(name, text.into_owned(), &profile, loaded);
+        self.publish(Current { again, ..current });
         Ok(response)
     }
 
@@ -418,7 +416,7 @@ impl Loader {
             contour_manifest: contour,
             program: program_cut,
             contour: contour_cut,
-            probing: None,
+            again: None,
             first: None,
         }
     }

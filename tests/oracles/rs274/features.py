@@ -712,6 +712,25 @@ def tool_table(program, rng):
         program.add("G43", "G0 X5 Y5 Z5")
 
 
+@feature("tool in the spindle", 60)
+def tool_in_spindle(program, rng):
+    """Ratios: lengths are in inches in LinuxCNC."""
+    program.tools = [(tool, 2.0 + tool, 10.0 * tool) for tool in range(1, 10)]
+    program.scales = False
+    tool = 0
+    for n in range(rng.randint(3, 6)):
+        if n == 0 or rng.random() < 0.5:
+            tool = rng.randint(1, 9)
+            program.add(f"T{tool} M6")
+        program.add(rng.choice([
+            "", "G43", "G49", f"G43.1 Z{tool}", f"T{rng.randint(1, 9)}",
+            f"G10 L1 P{rng.randint(1, 9)} Z{rng.randint(1, 30)} R{rng.randint(1, 9)}",
+            f"G10 L1 P{tool} Z{rng.randint(1, 30)}", f"G10 L1 P{tool} R{rng.randint(1, 9)}",
+            "G20\nF20", "G21\nF500", "T4 M6"]))
+        program.add(f"G0 X[#5403 / #5410] Y[#5401 + #{rng.randint(5404, 5409)} + #5402] "
+                    f"Z[#5411 + #5412 + #5413 + #[5400 + 10] / #5410]")
+
+
 # Motion and feeds
 
 @feature("G93", 120)

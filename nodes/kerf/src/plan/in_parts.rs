@@ -29,6 +29,9 @@ impl Planned {
             let mut loaded = load_in_parts(text, profile, options, PART_EVENTS, &mut |contour| {
                 parts.take(contour);
             });
+            if loaded.reads_tools {
+                return (loaded, Some(false));
+            }
             if parts.is_untouched() || !loaded.is_accepted() {
                 return (loaded, None);
             }
@@ -37,6 +40,7 @@ impl Planned {
         });
         match is_accepted {
             None => Self::of(loaded, profile, tools, planning),
+            // It is read again with the tools, or to say why it is refused.
             Some(false) => Self::new(text, profile, tools, options, planning),
             Some(true) => {
                 let findings = std::mem::take(&mut loaded.findings);

@@ -213,6 +213,18 @@ mod tests {
         .collect()
     }
 
+    /// `#5401 to #5409`: the numbers, whether it says that they are read only, and what becomes of them.
+    fn parameter_rows() -> Vec<(std::ops::RangeInclusive<u32>, bool, &'static str)> {
+        let rows = PAGE.lines().filter(|line| line.starts_with("| #"));
+        let number = |word: &str| -> u32 { word[1..].parse().expect("a number") };
+        rows.map(|row| {
+            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+            let (first, last) = cells[1].split_once(" to ").unwrap_or((cells[1], cells[1]));
+            (number(first)..=number(last), cells[2].ends_with("read only"), cells[3])
+        })
+        .collect()
+    }
+
     fn row(rows: &[(u16, u16, &'static str)], tenths: u16) -> Option<&'static str> {
         rows.iter().find(|row| (row.0..=row.1).contains(&tenths)).map(|row| row.2)
     }
@@ -240,6 +252,34 @@ mod tests {
             };
             assert_eq!(row(&page, number * 10), becomes, "M{number}");
         }
+    }
+
+    #[test]
+    fn the_page_of_rs274_says_of_each_number_whether_it_can_be_read_and_set() {
+        let profile = settings::load_profile("rs274").expect("the shipped profile");
+        let error = |text: String| {
+            let loaded = crate::load(text.as_bytes(), &profile, &crate::LoadOptions::default());
+            loaded.findings.into_iter().find(|it| it.is_error()).map(|it| it.message)
+        };
+        let rows = parameter_rows();
+        for number in 1..=crate::parameters::NUMBER_MAX {
+            let shown =
+                if (5231..=5390).contains(&number) && number % 20 == 10 { 5230 } else { number };
+            let row = rows.iter().find(|row| row.0.contains(&shown));
+            let is_read_only = row.is_some_and(|row| row.1);
+            if (32..5000).contains(&number) && number % 97 != 0 {
+                continue;
+            }
+            // A tool is in the spindle, and something was probed and read.
+            let before = "F100 T0 M6\nG0 X0 Y0 Z0 A0 B0 C0 U0 V0 W0\nG38.3 Z-1\nM66 P0\n";
+            let read = error(format!("{before}#31=#{number}\nM2"));
+            let is_refused = row.is_some_and(|row| row.2 == "refused");
+            assert_eq!(read.is_some(), is_refused, "#{number}: {read:?}");
+            let set = error(format!("#{number}=1\nM2"));
+            assert_eq!(set.is_some(), is_read_only, "#{number}: {set:?}");
+        }
+        let beyond = error(format!("#31=#{}\nM2", crate::parameters::NUMBER_MAX + 1));
+        assert!(beyond.is_some());
     }
 
     #[test]

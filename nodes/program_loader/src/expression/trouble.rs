@@ -73,6 +73,10 @@ pub(crate) enum Trouble {
     NotHere {
         what: String,
     },
+    /// The tool table lacks a tool.
+    NoTool {
+        tool: u32,
+    },
 }
 
 impl Trouble {
@@ -110,6 +114,9 @@ impl Trouble {
             Self::NotRead => format!("{quote} is what M66 has read, and none comes before it"),
             Self::Probed => format!("{quote} is the result of a probe, and none comes before it"),
             Self::NotHere { what } => format!("{quote} is {what}"),
+            Self::NoTool { tool } => {
+                format!("{quote} is a value of T{tool}, which is not in the tool table")
+            }
         }
     }
 
@@ -157,6 +164,7 @@ impl Trouble {
             Self::NotRead => "read an input before this block (M66)".to_owned(),
             Self::Probed => "probe before this block (G38.2)".to_owned(),
             Self::NotHere { .. } => "write the value as a number".to_owned(),
+            Self::NoTool { tool } => format!("add T{tool} to the tool table"),
         }
     }
 }

@@ -39,7 +39,7 @@ pub(super) struct Compensation {
 }
 
 /// The tip direction of the tool table for each of LinuxCNC, whose numbers go around the other way.
-const TIPS: [u8; 10] = [0, 4, 3, 2, 1, 5, 8, 7, 6, 9];
+pub(super) const TIPS: [u8; 10] = [0, 4, 3, 2, 1, 5, 8, 7, 6, 9];
 
 impl Compensation {
     /// The block that selected compensation, while it is on.

@@ -16,7 +16,7 @@ use cnc_msgs::geometry::{AxisSet, Plane};
 type Value = Option<Result<f64, Trouble>>;
 
 /// Parameters of the machine, by their numbers, that a plan cannot know.
-const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 5] = [
+const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 4] = [
     (5021..=5029, "a position in machine coordinates, which is known only while the machine runs"),
     (5081..=5089, "a tool length, which the loader does not know"),
     (
@@ -27,7 +27,6 @@ const ON_THE_MACHINE: [(std::ops::RangeInclusive<u32>, &str); 5] = [
         5221..=5390,
         "a work offset of the machine, which is known only there or from a parameter file",
     ),
-    (5401..=5413, "an entry of the tool table, which the loader does not know"),
 ];
 
 impl Interpreter<'_> {
@@ -58,6 +57,7 @@ impl Interpreter<'_> {
             5220 => Some(Ok(f64::from(self.modal.work_offset))),
             5399 => Some(self.input_value()),
             5400 => Some(self.current_tool()),
+            5401..=5413 => Some(self.tool_value(number)),
             5420..=5422 => Some(self.position_of((number - 5420) as usize)),
             5423..=5428 => Some(self.position_of_further((number - 5423) as usize)),
             _ => None,

@@ -38,8 +38,8 @@ impl Length {
 /// What the program has set for a tool.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ToolEntry {
-    length: Option<Length>,
-    radius_mm: Option<f64>,
+    pub(super) length: Option<Length>,
+    pub(super) radius_mm: Option<f64>,
 }
 
 pub(super) type ToolEntries = BTreeMap<u32, ToolEntry>;
@@ -92,7 +92,7 @@ impl Interpreter<'_> {
     }
 
     /// The length of a tool: from the program, else from the table.
-    fn length_of(&self, tool: u32) -> Length {
+    pub(super) fn length_of(&self, tool: u32) -> Length {
         let entry = self.tool_entries.get(&tool).and_then(|entry| entry.length);
         // No tool has no length.
         let none = (tool == 0).then(Length::default);

@@ -3,13 +3,13 @@
 //! When the run has come so far, the driver asks for the text to be read again with the results at its end.
 //! When the run has ended, the program is again what it was: the next run has results of its own.
 
+use super::tools::ReadAgain;
 use super::{Current, Loader, Refusal, id_of, refusal, refuse};
 use crate::load;
 use crate::probe_results::with_results;
 use cnc_msgs::convert::WireError;
 use cnc_msgs::interface::Service;
 use cnc_msgs::probing::{Measured, ProbeResult};
-use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::RunResult;
 use cnc_msgs::wire::cnc_msgs::srv::{
     ContinueProgram, ContinueProgramRequest, ContinueProgramResponse,
@@ -17,15 +17,6 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Handle, NodeError, Qos};
 use std::sync::Arc;
-
-/// A program that is read again from here.
-pub(super) struct Probing {
-    pub(super) name: String,
-    /// Without results.
-    pub(super) text: Vec<u8>,
-    pub(super) profile: Profile,
-    pub(super) expected_tools: Vec<u32>,
-}
 
 impl Loader {
     /// Reads the program of a run on, with what its probes have found. Asked again with the same results it
@@ -38,11 +29,11 @@ impl Loader {
             return refuse(W::UNKNOWN_PROGRAM, why);
         };
         let first = current.first();
-        let is_meant = |_: &&Arc<Probing>| first.program_id == request.program_id;
-        let Some(probing) = first.probing.as_ref().filter(is_meant) else {
+        let is_meant = |it: &&Arc<ReadAgain>| it.probes && first.program_id == request.program_id;
+        let Some(again) = first.again.as_ref().filter(is_meant) else {
             return refuse(W::UNKNOWN_PROGRAM, "another program was loaded since the run began");
         };
-        let Probing { name, text, profile, expected_tools } = &**probing;
+        let ReadAgain { name, text, profile, expected_tools, .. } = &**again;
         let results: Result<Vec<ProbeResult>, WireError> =
             request.results.iter().map(TryInto::try_into).collect();
         let results = results.or_else(|error| refuse(W::PROGRAM_REFUSED, error))?;
@@ -76,7 +67,9 @@ impl Loader {
         match current {
             Some(Current { first: Some(first), .. }) if !is_other(&first) => self.publish(*first),
             // Loaded during that run, it may have been taken for what the run goes on with.
-            Some(current) if current.probing.is_some() && is_other(&current) => {
+            Some(current)
+                if current.again.as_ref().is_some_and(|it| it.probes) && is_other(&current) =>
+            {
                 self.publish(current);
             }
             _ => {}

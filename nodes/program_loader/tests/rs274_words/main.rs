@@ -109,6 +109,32 @@ fn a_program_that_aborts_is_refused_with_its_text() {
 }
 
 #[test]
+fn the_tool_in_the_spindle_is_read_as_the_program_has_set_it() {
+    let message = "(DEBUG, %.2f#5403 #5410 #5401 #5411)";
+    check(&[(
+        &format!(
+            "T1 M6\nG10 L1 P1 Z7 R3\n{message}\nG10 L1 P1 Z8\nG43\n{message}\nT0 M6\n{message}\nM2"
+        ),
+        "T1; M6 T1; (MSG, 7.00 6.00 0.00 0.00); G43.1 Z8; (MSG, 8.00 6.00 0.00 0.00); T0; M6 T0; \
+             (MSG, 0.00 0.00 0.00 0.00); M2",
+        &[],
+    )]);
+    check_bad(&[
+        (
+            "#1=#5410\nM2",
+            &[(
+                "#5410",
+                "#5410 is a value of the tool in the spindle, which is known only after M6",
+            )],
+        ),
+        (
+            "T1 M6\n#1=#5413\nM2",
+            &[("#5413", "#5413 is a value of the tool table, which is not here")],
+        ),
+    ]);
+}
+
+#[test]
 fn two_words_for_the_machine_of_one_group_exclude_each_other() {
     check_bad(&[
         ("M3 M19 R5\nM2", &[("M19", "M3 and M19 exclude each other in one block")]),
