@@ -727,7 +727,7 @@ def tool_in_spindle(program, rng):
             f"G10 L1 P{rng.randint(1, 9)} Z{rng.randint(1, 30)} R{rng.randint(1, 9)}",
             f"G10 L1 P{tool} Z{rng.randint(1, 30)}", f"G10 L1 P{tool} R{rng.randint(1, 9)}",
             "G20\nF20", "G21\nF500", "T4 M6"]))
-        program.add(f"G0 X[#5403 / #5410] Y[#5401 + #{rng.randint(5404, 5409)} + #5402] "
+        program.add("G0 X-1 Y-1 Z-1", f"G0 X[#5403 / #5410] Y[#5401 + #{rng.randint(5404, 5409)} + #5402] "
                     f"Z[#5411 + #5412 + #5413 + #[5400 + 10] / #5410]")
 
 
