@@ -13,6 +13,7 @@ mod sinumerik_840c;
 
 use crate::block::LexerRules;
 pub(crate) use crate::interpreter::{Cycle, OffsetWord, Spline, StateWord};
+use crate::no_effect::{self, NoEffect};
 use crate::turning::{Along, Pockets};
 use cnc_msgs::contour::{CoolantMode, CutterSide, Probe, SpindleMode};
 use cnc_msgs::geometry::Plane;
@@ -94,8 +95,10 @@ pub(crate) enum GWord {
     LengthOff,
     /// 1 to 9.
     WorkOffset(u8),
-    /// Accepted without effect on the contour, together with these letters.
-    Accepted(Group, Letters),
+    /// Says what holds anyway.
+    Accepted(Group),
+    /// Accepted, together with these letters, and reported once.
+    NoEffect(Group, Letters, NoEffect),
     Dwell,
     /// A corner arc about the end of the previous block (NCT G39).
     CornerArc,
@@ -166,6 +169,11 @@ impl Group {
 }
 
 impl GWord {
+    /// A word about how the path is followed, which the controller decides.
+    pub(crate) const fn of_path(letters: Letters) -> Self {
+        Self::NoEffect(Group::Path, letters, no_effect::PATH)
+    }
+
     /// The group; `None` for words that are always rejected.
     pub(crate) const fn group(self) -> Option<Group> {
         Some(match self {
@@ -180,7 +188,7 @@ impl GWord {
             Self::CompensationOff | Self::CompensationOn { .. } => Group::Compensation,
             Self::Length(_) | Self::LengthOff => Group::Length,
             Self::WorkOffset(_) => Group::WorkOffset,
-            Self::Accepted(group, _) => group,
+            Self::Accepted(group) | Self::NoEffect(group, ..) => group,
             Self::Dwell
             | Self::CornerArc
             | Self::SetAxes

@@ -16,6 +16,7 @@ mod home;
 mod machine_words;
 mod modal;
 mod moves;
+mod no_effect;
 mod offsets;
 mod polar;
 mod polar_words;
@@ -42,6 +43,7 @@ use crate::expression::whole;
 use crate::findings::Findings;
 use crate::limits::MM_PER_INCH;
 use crate::line::Line;
+use crate::no_effect::NoEffects;
 use crate::rules::Rules;
 use crate::tool_rows::ToolRows;
 use axes::Axes;
@@ -118,7 +120,6 @@ pub(crate) struct Interpreter<'r> {
     tool_entries: ToolEntries,
     /// The rows of the tool table; `None` where the text has none.
     tool_rows: Option<ToolRows>,
-    /// Whether a row of the table was read.
     has_read_tools: Cell<bool>,
     /// Stored positions and work offsets that are known, by their numbers.
     stored: BTreeMap<u32, f64>,
@@ -129,6 +130,7 @@ pub(crate) struct Interpreter<'r> {
     /// P and Q of the last G5, while no other motion has come.
     last_cubic: Option<[f64; 2]>,
     probes: Probes,
+    no_effects: NoEffects,
     /// A lathe cycle whose profile is being read.
     profile: Option<Box<turning::Profile>>,
 }
@@ -175,6 +177,7 @@ impl<'r> Interpreter<'r> {
             curve_work: 0,
             last_cubic: None,
             probes: Probes::default(),
+            no_effects: NoEffects::default(),
             profile: None,
         }
     }
@@ -271,6 +274,11 @@ impl<'r> Interpreter<'r> {
 
     /// Everything that a block does before its motion, in the order of RS-274.
     fn all_but_motion(&mut self, scene: &mut Scene<'_>) {
+        for group in [Group::Path, Group::Retract] {
+            if let Some((GWord::NoEffect(_, _, why), at)) = self.request.g(group) {
+                self.has_no_effect(scene, at, why);
+            }
+        }
         // Units first: they hold for F of the same block (grbl). Then the order of RS-274.
         if let Some((GWord::Units(units), _)) = self.request.g(Group::Units) {
             self.modal.units = units;

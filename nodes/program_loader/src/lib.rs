@@ -26,6 +26,7 @@ mod flow;
 mod interpreter;
 mod lexer;
 mod line;
+mod no_effect;
 mod number;
 mod parameters;
 mod reader;
@@ -247,7 +248,7 @@ pub fn load_in_parts(
     interpreter.take_tools(tool_rows);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
     reader.store(&stored);
-    let Read { interpreter, parameters, mut findings, calls, awaits } =
+    let Read { interpreter, parameters, mut findings, calls, awaits, deleted } =
         reader.read(part_events, take);
     if let Some(source) = awaits {
         findings.begin_block();
@@ -277,6 +278,12 @@ pub fn load_in_parts(
             true => left.push(rotated.left(&stored)),
             false => rotated.forgotten().into_iter().for_each(|it| findings.push(it)),
         }
+    }
+    // A program that is refused has other troubles.
+    let no_effects = interpreter.no_effects().chain(deleted.findings());
+    for finding in no_effects.take(if findings.has_error() { 0 } else { usize::MAX }) {
+        findings.begin_block();
+        findings.push(finding);
     }
     findings.explain(&calls);
     let reads_tools = interpreter.has_read_tools();

@@ -4,6 +4,7 @@
 //! are [`flow`](crate::flow)'s, blocks the lexer's and the interpreter's.
 
 mod calculations;
+mod deleted;
 mod ends;
 mod parts;
 mod remarks;
@@ -19,6 +20,7 @@ use crate::interpreter::{After, Interpreter, code_in_tenths};
 use crate::lexer;
 use crate::limits;
 use crate::line::Line;
+use crate::no_effect::NoEffects;
 use crate::parameter_file::Stored;
 use crate::parameters::{CannotSet, Parameters};
 use crate::rules::Rules;
@@ -57,6 +59,7 @@ pub(crate) struct Reader<'r> {
     flow: Option<Flow<'r>>,
     /// The line that needs the result of a probe which is still to come.
     awaits: Option<Source>,
+    deleted: NoEffects,
 }
 
 /// What a program has come to.
@@ -69,6 +72,8 @@ pub(crate) struct Read<'r> {
     pub(crate) calls: Calls,
     /// The line that needs the result of a probe which is still to come: nothing was read from there on.
     pub(crate) awaits: Option<Source>,
+    /// Lines that begin with `/`.
+    pub(crate) deleted: NoEffects,
 }
 
 /// How a line ends.
@@ -103,6 +108,7 @@ impl<'r> Reader<'r> {
             flow: (!flow.entries.is_empty())
                 .then(|| Flow::new(text, flow, rules.dialect.lexer.programs, options.flow)),
             awaits: None,
+            deleted: NoEffects::default(),
         }
     }
 
@@ -158,8 +164,8 @@ impl<'r> Reader<'r> {
             self.check_end(last_line);
         }
         let calls = self.flow.map(Flow::into_calls).unwrap_or_default();
-        let Self { interpreter, parameters, findings, awaits, .. } = self;
-        Read { interpreter, parameters, findings, calls, awaits }
+        let Self { interpreter, parameters, findings, awaits, deleted, .. } = self;
+        Read { interpreter, parameters, findings, calls, awaits, deleted }
     }
 
     /// Reads and executes one line.
@@ -474,26 +480,5 @@ impl<'r> Reader<'r> {
         };
         let source = line.source(self.block.number, self.block.start, self.block.end);
         self.findings.push(Finding::error(Code::Unsupported, source, message).help(help));
-    }
-
-    #[inline]
-    fn is_deleted(&self, line: Line<'_>) -> bool {
-        self.options.block_delete && line.text.trim_ascii_start().first() == Some(&b'/')
-    }
-
-    #[cold]
-    fn too_long(&mut self, line: Line<'_>) {
-        let message = format!(
-            "the line has {} bytes; at most {} are accepted",
-            line.text.len(),
-            limits::LINE_BYTES_MAX
-        );
-        let source = line.source(None, 0, limits::LINE_BYTES_MAX);
-        self.findings
-            .push(Finding::error(Code::Limit, source, message).help("write one block a line"));
-        self.interpreter.lose_line();
-        if self.section == Section::Before {
-            self.section = Section::Within;
-        }
     }
 }

@@ -66,7 +66,7 @@ fn g(tenths: u16) -> GWord {
         440 => GWord::SetAxes,
         530 => GWord::MachineCoordinates,
         540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),
-        610 | 640 => GWord::Accepted(Group::Path, Letters::NONE),
+        610 | 640 => GWord::of_path(Letters::NONE),
         700 => GWord::Units(Units::Inch),
         710 => GWord::Units(Units::Millimetre),
         810..=899 => GWord::RefusedMotion(CYCLE),
@@ -74,9 +74,9 @@ fn g(tenths: u16) -> GWord {
         910 => GWord::Distance(Distance::Incremental),
         920 => GWord::Refused(OFFSETS),
         930 | 950 => GWord::Refused(FEED_MODE),
-        940 => GWord::Accepted(Group::Feed, Letters::NONE),
+        940 => GWord::Accepted(Group::Feed),
         960 => GWord::Refused(CONSTANT_SPEED),
-        970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
+        970 => GWord::Accepted(Group::SpindleMode),
         _ => GWord::Unknown,
     }
 }

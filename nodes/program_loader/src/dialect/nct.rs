@@ -9,6 +9,7 @@ use super::{
     ApproachWords, Dialect, Distance, GWord, Group, LengthWord, Letters, MWord, Mode, Units,
 };
 use crate::block::{LexerRules, Programs};
+use crate::no_effect;
 use cnc_msgs::contour::CutterSide;
 use cnc_msgs::geometry::Plane;
 
@@ -84,17 +85,17 @@ fn g(tenths: u16) -> GWord {
         500 | 510 | 680 | 690 => GWord::Refused(SCALE),
         530 => GWord::MachineCoordinates,
         540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),
-        610 | 620 | 630 | 640 => GWord::Accepted(Group::Path, Letters::NONE),
+        610 | 620 | 630 | 640 => GWord::of_path(Letters::NONE),
         650..=670 => GWord::Refused("write macros out where they are called"),
         730 | 740 | 760 | 810..=899 => GWord::RefusedMotion(CYCLE),
         800 => GWord::NoMotion,
         900 => GWord::Distance(Distance::Absolute),
         910 => GWord::Distance(Distance::Incremental),
         930 | 950 => GWord::Refused(FEED_MODE),
-        940 => GWord::Accepted(Group::Feed, Letters::NONE),
+        940 => GWord::Accepted(Group::Feed),
         960 => GWord::Refused(CONSTANT_SPEED),
-        970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
-        980 | 990 => GWord::Accepted(Group::Retract, Letters::NONE),
+        970 => GWord::Accepted(Group::SpindleMode),
+        980 | 990 => GWord::NoEffect(Group::Retract, Letters::NONE, no_effect::RETRACT),
         _ => GWord::Unknown,
     }
 }

@@ -5,6 +5,7 @@ use super::{
     Letters, MWord, Mode, OffsetWord, Spline, StateWord, Units,
 };
 use crate::block::LexerRules;
+use crate::no_effect;
 use crate::turning::{Along, Pockets};
 use cnc_msgs::contour::{CoolantMode, CutterSide, Probe, SpindleMode};
 use cnc_msgs::geometry::Plane;
@@ -116,7 +117,7 @@ pub(super) fn common(tenths: u16) -> GWord {
         30 => GWord::Motion(Mode::Arc { clockwise: false }),
         40 => GWord::Dwell,
         70 => GWord::Refused("program X as a diameter on a lathe control only"),
-        80 => GWord::Accepted(Group::NonModal, Letters::NONE),
+        80 => GWord::Accepted(Group::NonModal),
         100 | 520 | 920..=923 => GWord::Refused(OFFSETS),
         170 => GWord::Plane(Plane::Xy),
         180 => GWord::Plane(Plane::Zx),
@@ -134,8 +135,8 @@ pub(super) fn common(tenths: u16) -> GWord {
         490 => GWord::LengthOff,
         530 => GWord::MachineCoordinates,
         540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),
-        610 | 611 => GWord::Accepted(Group::Path, Letters::NONE),
-        640 => GWord::Accepted(Group::Path, Letters::of(b"PQ")),
+        610 | 611 => GWord::of_path(Letters::NONE),
+        640 => GWord::of_path(Letters::of(b"PQ")),
         800 => GWord::NoMotion,
         730 | 740 | 760 | 810..=899 => GWord::RefusedMotion(CYCLE),
         900 => GWord::Distance(Distance::Absolute),
@@ -143,10 +144,10 @@ pub(super) fn common(tenths: u16) -> GWord {
         901 => GWord::Centers(Distance::Absolute),
         911 => GWord::Centers(Distance::Incremental),
         930 | 950 => GWord::Refused(FEED_MODE),
-        940 => GWord::Accepted(Group::Feed, Letters::NONE),
+        940 => GWord::Accepted(Group::Feed),
         960 => GWord::Refused(CONSTANT_SPEED),
-        970 => GWord::Accepted(Group::SpindleMode, Letters::NONE),
-        980 | 990 => GWord::Accepted(Group::Retract, Letters::NONE),
+        970 => GWord::Accepted(Group::SpindleMode),
+        980 | 990 => GWord::NoEffect(Group::Retract, Letters::NONE, no_effect::RETRACT),
         _ => GWord::Unknown,
     }
 }
@@ -235,7 +236,7 @@ mod tests {
         for tenths in 0..=9999 {
             let becomes = match g(tenths) {
                 GWord::Unknown => None,
-                GWord::Accepted(..) => Some("no effect"),
+                GWord::NoEffect(..) => Some("no effect"),
                 GWord::Refused(_) | GWord::RefusedMotion(_) => Some("refused"),
                 GWord::SurfaceSpeed(true) => Some("passed on"),
                 _ => Some("done"),

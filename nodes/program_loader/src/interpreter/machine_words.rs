@@ -153,11 +153,6 @@ impl Interpreter<'_> {
             let help = format!("write {letter} with {what}");
             return self.report_at(scene, at, Code::MissingWord, message, &help);
         }
-        if number == 19 && !has(b'R') && !has(b'P') {
-            let message = format!("{} without R", scene.quote(at));
-            let help = "write R with the angle in degrees";
-            return self.report_at(scene, at, Code::MissingWord, message, help);
-        }
         if number != 66 {
             return;
         }

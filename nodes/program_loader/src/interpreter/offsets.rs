@@ -8,8 +8,9 @@ use super::axes::Cause;
 use super::turn::TURNED;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, GWord, Group, LengthWord};
+use crate::no_effect::TOOL_TABLE;
 use cnc_msgs::contour::{Action, MotionClass};
-use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::finding::Code;
 use cnc_msgs::further::{FurtherAxes, FurtherMode};
 use cnc_msgs::geometry::{AxisSet, Position, Shape};
 use cnc_msgs::units::received_mm;
@@ -136,9 +137,7 @@ impl Interpreter<'_> {
     fn set_work_offset(&mut self, scene: &mut Scene<'_>, at: usize) {
         let mode = self.take_number(scene, b'L');
         if mode == Some(0) {
-            let message = "G10 L0 has no effect: the planner reads the tool table when it plans";
-            let finding = Finding::warning(Code::Unsupported, scene.source_of(at), message);
-            return scene.findings.push(finding.help("delete it"));
+            return self.has_no_effect(scene, self.request.word(b'L'), TOOL_TABLE);
         }
         let system = self.take_number(scene, b'P');
         if let Some(mode @ (1 | 10 | 11)) = mode {

@@ -8,6 +8,7 @@ use super::turning::AXES;
 use super::{Interpreter, Scene};
 use crate::dialect::{Distance, Letters, Mode};
 use crate::limits::COORDINATE_MM_MAX;
+use crate::no_effect::PROFILE;
 use crate::turning::{Bevel, Circle, Corner, Piece, Point};
 use cnc_msgs::finding::Code;
 
@@ -21,7 +22,9 @@ impl Interpreter<'_> {
         let Some(mut profile) = self.profile.take() else { return };
         self.refuse_in_profile(scene, &profile.word, profile.source);
         for letter in [b'F', b'S'] {
-            let _ = self.take(letter);
+            if self.take(letter).is_some() {
+                self.has_no_effect(scene, self.request.word(letter), PROFILE);
+            }
         }
         if let Some((piece, bevel)) = self.profile_motion(scene, profile.has_begun)
             && !self.request.is_damaged

@@ -162,11 +162,10 @@ impl Request {
     /// The letters that belong to G words without effect.
     #[inline]
     pub(super) fn letters_of_accepted(&self) -> Letters {
-        let mut letters = Letters::NONE;
-        if let Some((GWord::Accepted(_, more), _)) = self.g(Group::Path) {
-            letters = letters.union(more);
+        match self.g(Group::Path) {
+            Some((GWord::NoEffect(_, letters, _), _)) => letters,
+            _ => Letters::NONE,
         }
-        letters
     }
 
     #[inline]

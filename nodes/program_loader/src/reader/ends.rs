@@ -187,4 +187,21 @@ impl Reader<'_> {
         }
         matches!(self.section, Section::After { is_reported: true, .. })
     }
+
+    /// Refuses a line that is longer than any block.
+    #[cold]
+    pub(super) fn too_long(&mut self, line: Line<'_>) {
+        let message = format!(
+            "the line has {} bytes; at most {} are accepted",
+            line.text.len(),
+            limits::LINE_BYTES_MAX
+        );
+        let source = line.source(None, 0, limits::LINE_BYTES_MAX);
+        self.findings
+            .push(Finding::error(Code::Limit, source, message).help("write one block a line"));
+        self.interpreter.lose_line();
+        if self.section == Section::Before {
+            self.section = Section::Within;
+        }
+    }
 }

@@ -140,7 +140,6 @@ fn two_words_for_the_machine_of_one_group_exclude_each_other() {
         ("M3 M19 R5\nM2", &[("M19", "M3 and M19 exclude each other in one block")]),
         ("M62 P1 M65\nM2", &[("M65", "M62 and M65 exclude each other in one block")]),
         ("M101 M102\nM2", &[("M102", "M101 and M102 exclude each other in one block")]),
-        ("M19\nM2", &[("M19", "M19 without R")]),
         ("M19 R5 Q0\nM2", &[("Q0", "M19 does not take Q0")]),
     ]);
 }

@@ -41,6 +41,46 @@ fn whole_numbers_bear_the_noise_of_a_computation() {
 }
 
 #[test]
+fn what_has_no_effect_is_reported_once_with_its_first_place_and_how_often_it_stands_there() {
+    let warnings = |text: &str, block_delete: bool| -> Vec<String> {
+        let options = LoadOptions { block_delete, ..LoadOptions::default() };
+        let loaded = load(text.as_bytes(), &profile("rs274"), &options);
+        assert!(loaded.is_accepted(), "{:?}", loaded.findings);
+        let shown = |it: &Finding| {
+            let message = it.message.split(':').next().unwrap_or_default();
+            format!("{}+{} {message}", it.source.line, it.source.column)
+        };
+        loaded.findings.iter().map(shown).collect()
+    };
+    let path = "G17 G64 P0.1\nG61\no1 repeat [3]\nG064 G0 X1\no1 endrepeat\nG61.1\nM2";
+    assert_eq!(
+        warnings(path, false),
+        [
+            "1+5 G64 has no effect (4 times in this program)",
+            "2+1 G61 has no effect",
+            "6+1 G61.1 has no effect"
+        ]
+    );
+    let optional = "/ G0 X1\n  /N2 G0 X2\nG0 X3\nM2";
+    assert_eq!(warnings(optional, false), ["1+1 / has no effect (2 times in this program)"]);
+    assert_eq!(warnings(optional, true), ["1+1 this line has no effect (2 times in this program)"]);
+    assert_eq!(
+        warnings("G10 L0\nG10 L0\nM2", false),
+        ["1+5 L0 has no effect (2 times in this program)"]
+    );
+    let lathe =
+        "o1 sub\nG0 X0 Z0 F5\nG1 Z-5 F9 S7\nX9\no1 endsub\nF100 G18 G0 X10 Z1\nG71 Q1 I1\nM2";
+    assert_eq!(
+        warnings(lathe, false),
+        ["2+10 F has no effect (2 times in this program)", "3+11 S has no effect"]
+    );
+    // One that is refused has other troubles, and what holds anyway is none.
+    let loaded = read("G64\nG0 X\nM2");
+    assert!(loaded.findings.iter().all(|it| it.is_error()), "{:?}", loaded.findings);
+    assert!(warnings("G17 G40 G49 G80 G90 G94 G97 G98\nM2", false).is_empty());
+}
+
+#[test]
 fn a_step_that_fits_leaves_no_cut_of_air() {
     // 0.3 in are not three times 0.1 in.
     let feeds = |text: &str| {
