@@ -266,8 +266,10 @@ pub(crate) enum LatheCycle {
 /// Where a tool length comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LengthWord {
-    /// G43: H, a tool of the table.
+    /// G43: H, a tool of the table; 0 is the one in the spindle.
     Tool,
+    /// The same, where H0 is not what it is in LinuxCNC: it is refused.
+    Offset,
     /// G43.1: Z.
     Given,
     /// G43.2: H or Z, added to the length in force.

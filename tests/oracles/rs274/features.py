@@ -693,7 +693,7 @@ def tool_lengths(program, rng):
     for _ in range(rng.randint(3, 6)):
         tool = rng.randint(1, 9)
         program.add(rng.choice([
-            f"T{tool} M6 G43", f"T{tool} M6", f"G43 H{tool}", "G43", "G49", f"G43.1 Z{tool}",
+            f"T{tool} M6 G43", f"T{tool} M6", f"G43 H{tool}", "G43", "G43 H0", "G43.2 H0", "G49", f"G43.1 Z{tool}",
             f"G43.1 X{tool} Z{tool}.5", f"G43.2 H{tool}"]))
         program.add("G0 " + " ".join(f"{axis}{rng.randint(-30, 30)}" for axis in "XYZ"))
         program.add(f"G0 X[{rng.choice(['#5400', '#<_current_tool>', '#<_tool_offset>'])}]")

@@ -79,7 +79,7 @@ fn g(tenths: u16) -> GWord {
         400 => GWord::CompensationOff,
         410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
         420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
-        430 => GWord::Length(LengthWord::Tool),
+        430 => GWord::Length(LengthWord::Offset),
         440 => GWord::Refused("enter the length with its sign and use G43"),
         490 => GWord::LengthOff,
         500 | 510 | 680 | 690 => GWord::Refused(SCALE),

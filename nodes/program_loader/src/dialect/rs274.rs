@@ -131,7 +131,7 @@ pub(super) fn common(tenths: u16) -> GWord {
         400 => GWord::CompensationOff,
         410 => GWord::CompensationOn { side: CutterSide::Left, is_dynamic: false },
         420 => GWord::CompensationOn { side: CutterSide::Right, is_dynamic: false },
-        430 => GWord::Length(LengthWord::Tool),
+        430 => GWord::Length(LengthWord::Offset),
         490 => GWord::LengthOff,
         530 => GWord::MachineCoordinates,
         540 | 550 | 560 | 570 | 580 | 590 => GWord::WorkOffset((tenths / 10 - 53) as u8),

@@ -13,7 +13,11 @@ impl Interpreter<'_> {
             b'G' => code_in_tenths(word.value).unwrap_or_default(),
             letter => u16::MAX - u16::from(letter),
         };
-        self.no_effects.add(code, why, scene.source_of(at), || scene.quote(at));
+        self.no_effects.add(code, why, scene.source_of(at), || match word.letter {
+            // Whatever its values are.
+            letter @ (b'F' | b'S') => char::from(letter).to_string(),
+            _ => scene.quote(at),
+        });
     }
 
     /// Words that have no effect, each once.

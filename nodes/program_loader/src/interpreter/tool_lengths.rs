@@ -10,7 +10,7 @@ use super::{Interpreter, Scene};
 use crate::dialect::{GWord, Group, LengthWord};
 use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{Action, RadiusSource};
-use cnc_msgs::finding::Code;
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::FURTHER_LETTERS;
 use cnc_msgs::geometry::AxisSet;
 use std::collections::BTreeMap;
@@ -57,7 +57,9 @@ impl Interpreter<'_> {
     #[cold]
     fn length_on(&mut self, scene: &mut Scene<'_>, word: LengthWord, at: usize) {
         let length = match word {
-            LengthWord::Tool => self.length_of_h(scene, at).map(|length| (length, "G43")),
+            LengthWord::Tool | LengthWord::Offset => {
+                self.length_of_h(scene, word, at).map(|length| (length, "G43"))
+            }
             LengthWord::Given => self.given_length(scene, at).map(|length| (length, "G43.1")),
             LengthWord::Added => self.added_length(scene, at).map(|length| (length, "G43.2")),
         };
@@ -69,9 +71,25 @@ impl Interpreter<'_> {
     }
 
     /// H, or the tool in the spindle.
-    fn length_of_h(&mut self, scene: &mut Scene<'_>, at: usize) -> Option<Length> {
-        let tool = if self.request.present.contains(b'H') {
-            let tool = self.take_number(scene, b'H')?;
+    fn length_of_h(
+        &mut self,
+        scene: &mut Scene<'_>,
+        word: LengthWord,
+        at: usize,
+    ) -> Option<Length> {
+        let h = match self.request.present.contains(b'H') {
+            true => Some(self.take_number(scene, b'H')?),
+            false => None,
+        };
+        if h == Some(0) && word != LengthWord::Offset && self.modal.spindle_tool.is_some() {
+            let message = format!("{} H0 takes the tool in the spindle", scene.quote(at));
+            let help = "leave out H0 if that is meant; where other controls cancel the length with \
+                        it, write G49";
+            let source = scene.source_of(self.request.word(b'H'));
+            let finding = Finding::warning(Code::SuspiciousValue, source, message);
+            scene.findings.push(finding.help(help));
+        }
+        let tool = if let Some(tool) = h.filter(|tool| *tool != 0 || word == LengthWord::Offset) {
             if tool == 0 {
                 let message = "G43 H0 has a different meaning on each control".to_owned();
                 let help = "write G49 to cancel the length offset, or H with the number of a tool";
@@ -83,7 +101,8 @@ impl Interpreter<'_> {
             // LinuxCNC: without H, the tool in the spindle.
             tool
         } else {
-            let message = format!("{} without H, and no M6 has put in a tool", scene.quote(at));
+            let h = if h.is_some() { "with H0" } else { "without H" };
+            let message = format!("{} {h}, and no M6 has put in a tool", scene.quote(at));
             let help = "write H with the number of the tool";
             self.report_at(scene, at, Code::MissingWord, message, help);
             return None;
@@ -137,7 +156,7 @@ impl Interpreter<'_> {
     fn added_length(&mut self, scene: &mut Scene<'_>, at: usize) -> Option<Length> {
         let base = self.modal.length.unwrap_or_default();
         let more = if self.request.present.contains(b'H') {
-            self.length_of_h(scene, at)?
+            self.length_of_h(scene, LengthWord::Added, at)?
         } else if self.has_axis_word() {
             Length::given(self.length_words(scene).unwrap_or(0.0))
         } else {

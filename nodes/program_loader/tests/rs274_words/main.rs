@@ -224,6 +224,11 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
     check(&[
         ("G43.1 Z5\nM2", "G43.1 Z5; M2", &[]),
         ("G20 G43.1 Z1\nM2", "G43.1 Z25.4; M2", &[]),
+        (
+            "T2 M6 G43 H0\nG43.2 H0\nM2",
+            "T2; M6 T2; G43 H2; G43 H2 G43.2 H2; M2",
+            &["G43 H0 takes the tool in the spindle", "G43.2 H0 takes the tool in the spindle"],
+        ),
         ("G43 H2\nG43.2 Z1.5\nM2", "G43 H2; G43 H2 and 1.5; M2", &[]),
         ("G43.1 Z5\nG43.2 H2\nG49\nM2", "G43.1 Z5; G43 H2 and 5; G49; M2", &[]),
         ("G10 L1 P2 Z7\nG43 H2\nG43 H3\nM2", "G43.1 Z7; G43 H3; M2", &[]),
