@@ -6,6 +6,7 @@ pub mod line;
 pub mod lists;
 pub mod plain;
 pub mod rows;
+pub mod samples;
 
 use cnc_msgs::finding::Finding;
 use cnc_msgs::path::CompensatedPath;

@@ -144,6 +144,10 @@ impl<'r> Reader<'r> {
                             self.give(take);
                         }
                     }
+                    // It is read again with the rows.
+                    Outcome::Line | Outcome::Jump(_) if self.interpreter.misses_tools() => {
+                        break 'jump;
+                    }
                     Outcome::Line => {}
                     Outcome::Jump(to) => {
                         cursor = to;
@@ -156,7 +160,7 @@ impl<'r> Reader<'r> {
             break;
         }
         self.findings.begin_block();
-        if self.awaits.is_some() {
+        if self.awaits.is_some() || self.interpreter.misses_tools() {
             // Its end is still to be read.
         } else if self.options.is_single_block && !self.block.is_binary {
             self.refuse_unless_single(last_line);

@@ -143,8 +143,11 @@ mod tests {
         // A table without the tool, and none at all.
         let (_, loaded) = read("T2 M6\nG0 X#5410\nM2", &table(1.0));
         assert!(loaded.findings[0].message.contains("T2, which is not in the tool table"));
-        let loaded = load(b"T2 M6\nG0 X#5410\nM2", &profile, &LoadOptions::default());
-        assert!(loaded.reads_tools && loaded.findings[0].message.contains("tool table"));
+        // Without one it is not read any further: it may have no end.
+        let text = b"T2 M6\n#1=#5410\no1 while [1]\nG0 X1\no1 endwhile\nM2";
+        let loaded = load(text, &profile, &LoadOptions::default());
+        assert!(loaded.reads_tools && loaded.findings.len() == 1, "{:?}", loaded.findings);
+        assert!(loaded.findings[0].message.contains("tool table"));
     }
 
     #[test]

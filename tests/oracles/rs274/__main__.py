@@ -232,7 +232,7 @@ def general(words):
     return re.sub(r"-?\d+\.\d+", "N", words)
 
 
-def report(results, allowed):
+def report(results):
     faults, rows, decided = [], defaultdict(Counter), Counter()
     reasons, only, unknown = Counter(), defaultdict(list), Counter()
     for result in results:
@@ -246,8 +246,7 @@ def report(results, allowed):
             if row:
                 decided[row] += 1
                 outcome = "on purpose"
-            elif not (outcome == "Kerf refuses" and any(
-                    re.search(it, result.feature) for it in allowed)):
+            else:
                 faults.append(f"{outcome.upper()}: {result.name}: {result.words[:300]}")
         rows[result.feature][outcome] += 1
         faults.extend(f"NOT NOTICED: {what}: {result.name}" for what, found in result.changes
@@ -282,8 +281,6 @@ def main():
     arguments.add_argument("--samples", action="store_true", help="only the sample programs")
     arguments.add_argument("--generated", action="store_true", help="only the written programs")
     arguments.add_argument("--part", type=int, default=1, help="every so many of each feature")
-    arguments.add_argument("--allow-refused", default="", metavar="FEATURE,...",
-                           help="features that Kerf does not have yet, as expressions of `re`")
     arguments.add_argument("--faults", type=int, default=200, help="how many faults are shown")
     arguments = arguments.parse_intermixed_args()
     command, root = arguments.kerf.resolve(), arguments.linuxcnc.resolve()
@@ -304,8 +301,7 @@ def main():
     for result in results:
         if result.kerf:
             show(result)
-    allowed = [it for it in arguments.allow_refused.split(",") if it]
-    faults, decided = report(results, allowed)
+    faults, decided = report(results)
     whole = not (wanted or arguments.folder or arguments.samples or arguments.generated
                  or arguments.part > 1)
     if whole:

@@ -1,11 +1,14 @@
 """Programs of the whole language, one generator for each feature.
 
+Each row of docs/rs274.md has a program of its own in tests/rs274_samples.txt, too.
+
 A generator writes the middle of a program; seeds are literals, so that a program always is the
 same. What is written is valid, but for the features of bad_input.py.
 """
 
 import math
 import re
+from pathlib import Path
 
 from expressions import LEVELS, FUNCTIONS, apply, cased, expression, flat, function, number, written
 from program import Program, length
@@ -317,8 +320,8 @@ class Flow:
         counter = f"#{self.labels}"
         if kind == "repeat":
             self.line(depth, f"{label} repeat [{rng.randint(0, 4)}]")
-            # It has neither break nor continue.
-            self.block(depth + 1, None, in_sub)
+            # It has neither break nor continue, and after a return LinuxCNC runs it less often the next time.
+            self.block(depth + 1, None, None)
             self.line(depth, f"{label} endrepeat")
             return
         self.line(depth, f"{counter}=0")
@@ -370,6 +373,14 @@ def while_then_do(program, rng):
                 "  G0 X#9", f"o2 while [#9 LT {rng.randint(2, 4)}]")
     program.scales = False
 
+
+
+@feature("flow return out of repeat", 3)
+def return_out_of_repeat(program, rng):
+    program.add("o1 sub", f"  o2 repeat [{rng.randint(3, 5)}]", "    G0 X#1 Y[#5421 + 1]", "    o3 if [#1 GT 3]",
+                "      o1 return", "    o3 endif", "  o2 endrepeat", "o1 endsub",
+                "o1 call [5]", "o1 call [1]", "o1 call [2]")
+    program.scales = False
 
 
 feature("flow repeat", 120)(flow_of(["repeat"]))
@@ -697,6 +708,14 @@ def tool_lengths(program, rng):
             f"G43.1 X{tool} Z{tool}.5", f"G43.2 H{tool}"]))
         program.add("G0 " + " ".join(f"{axis}{rng.randint(-30, 30)}" for axis in "XYZ"))
         program.add(f"G0 X[{rng.choice(['#5400', '#<_current_tool>', '#<_tool_offset>'])}]")
+
+
+@feature("tool length in another unit", 3)
+def length_in_another_unit(program, rng):
+    """LinuxCNC keeps the number of the length in force."""
+    program.tools = [(1, 3.0, 20.0)]
+    program.scales = False
+    program.add("G43 H1", "G0 X1 Y1 Z5", "G20\nF20", rng.choice(["G28", "G53 G0 Z1", "G53 G0 X1 Z0"]), "G0 X1 Y1 Z1")
 
 
 @feature("tool table", 60)
@@ -1260,3 +1279,72 @@ def modal(program, rng):
         program.add(rng.choice([" ", ""]).join(words))
         # LinuxCNC forgets F at G94.
         program.add(f"F{rng.randint(1, 9)}00", move(rng), axis_words(rng))
+
+
+def known(rng):
+    """Where the tool is, in absolute coordinates."""
+    return "G90 G0 " + " ".join(f"{axis}{rng.randint(-20, 20)}" for axis in "XYZ")
+
+
+def change(rng):
+    """Something that stays in force."""
+    word = rng.choice(["G49\nG20\nF20", "G49\nG21\nF400", "G92 X1 Y2", "G92 Z3", "G92.1", "G92.2", "G92.3", "G52 X5 Y-2 Z1", "G52 X0 Y0 Z0",
+                       "G54", "G55", "G59.3", "G10 L2 P1 X3 Y4 Z5", "G10 L2 P2 X-3 R30", "G10 L2 P1 R0", "G10 L2 P0 R90",
+                       "G10 L20 P1 X1 Y1 Z1", "G43.1 Z4", "G43 H3", "G43.2 H2", "G49", "G7", "G8", "G18", "G19", "G17",
+                       "G98", "G99", "G95 S500 F0.2", "G94 F300", "T3 M6", "T2", "M3 S800", "M4", "M5", "M8", "M7", "M9",
+                       "G90.1", "G91.1", "M70", "M73", "G61", "G64 P0.1", "M49", "M48", "M50 P0", "M51 P0", "G97 S300",
+                       "S1200", "F77", "G10 L1 P3 Z7 R2", "G80"])
+    return word
+
+
+def action(rng, kept, label):
+    """Something that moves, in any state."""
+    x, y, z = (rng.randint(-15, 15) for _ in range(3))
+    r, many = rng.randint(60, 90), rng.randint(2, 4)
+    return rng.choice([
+        f"G0 X{x} Y{y}", f"G1 Z{z}", f"G91 G1 X{x} Z{z}\nG90", f"G1 X[{x} + #5420 / 4] Y#<_y>",
+        f"G17 G2 X{x} Y{y} R{r}", f"G17 G3 X{x} Y{y} R{r} Z{z} P{many}", f"G18 G3 X{x} Z{z} R{r}\nG17",
+        f"G17 G90 G98 G81 X{x} Y{y} Z-3 R2\nX{y}\nG80", f"G17 G91 G99 G83 X2 Y1 Z-3 R-1 Q1 L{many}\nG80 G90",
+        f"G17 G82 X{x} Z-2 R1 P0.5\nG80", f"G17 G73 X{x} Z-2 R1 Q0.7\nG80", f"G18 G85 X{x} Z{z} Y-2 R1\nG80 G17",
+        f"G17 G8 G90 G5.1 X{x} Y{y} I2 J3", f"G17 G8 G90 G5 X{x} Y{y} I1 J2 P-1 Q-2", "G4 P0.5",
+        f"G53 G0 Z{z}\n{known(rng)}", f"G28\n{known(rng)}", f"G91 G28 Z0\n{known(rng)}",
+        f"G17 G8\nG0 @{r} ^{x}", f"G93 G1 X{x} Y{y} F4\nG94 F200", f"G38.3 Z-30 F100\n{known(rng)}",
+        f"o<pass> call [{x}] [{many}]", f"#3=0\no{label} while [#3 LT {many}]\n  #3=[#3 + 1]\n  G0 X[#3 * {x}]\no{label} endwhile",
+        f"o{label} repeat [{many}]\n  G91 G0 X{x}\no{label} endrepeat\nG90", f"o{label} if [#5420 GT {x}]\n  G0 X{x}\no{label} else\n  G1 Y{y}\no{label} endif",
+        "(DEBUG, %d#<_metric>#<_absolute>#5220 #<_plane>)", f"M62 P1\nG0 X{x} Y{y}", "M64 P1", "M65 P1", "M67 E1 Q2\nG1 Z3",
+        f"S500 M3\nG33 Z-5 K1\nG0 X{x}", "M0", f"G1 X{x} (MSG, at {x})", f"M72\n{known(rng)}" if kept else "M1"])
+
+
+# No two words of a program, however far apart, disturb each other: every word of the language in one program, in any order.
+@feature("everything mixed", 600)
+def everything(program, rng):
+    program.scales = False
+    program.tools = [(tool, 2.0 + tool, 5.0 * tool) for tool in range(1, 10)]
+    program.add("o<pass> sub", "  #<a>=[#1 + 1]", "  G91 G1 X1 Y#<a>", f"  G90 G0 Z[#2 * {rng.randint(1, 3)}]",
+                "o<pass> endsub [#<a>]", "T1 M6", "S1000 M3", "G98 " + known(rng))
+    kept = False
+    for label in range(100, 100 + rng.randint(6, 14)):
+        if rng.random() < 0.5:
+            word = change(rng)
+            if word in ("M70", "M73"):
+                kept = word == "M70"
+            program.add(word, known(rng))
+        else:
+            doing = action(rng, kept, label)
+            kept = kept and not doing.startswith("M72")
+            program.add(doing)
+    program.add("G21 F500 " + known(rng))
+
+
+SAMPLES = (Path(__file__).resolve().parents[2] / "rs274_samples.txt").read_text().split("\n= ")[1:]
+
+
+@feature("row of the page", len(SAMPLES))
+def row_of_the_page(program, rng):
+    """The program of a row, named by its seed."""
+    program.scales = False
+    program.tools = [(tool, 10.0, 20.0) for tool in range(1, 10)]
+    _, text = SAMPLES[program.seed].split("\n", 1)
+    lines = re.sub("[{}]", "", text).strip().split("\n")
+    program.add(*lines)
+    return [] if "M2" in lines or "M30" in lines else ["M2"]

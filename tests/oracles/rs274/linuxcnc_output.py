@@ -38,13 +38,14 @@ class Reader:
         self.is_per_revolution = False
         self.pitch = None
         self.is_changing = False
+        self.start_allowed_mm = SAME_MM
         # In the work system, with what G92 adds.
         self.rotary = self.g92_rotary = (0.0, 0.0, 0.0)
 
     def read(self, text):
         """The items of the whole output."""
         for line in text.splitlines():
-            match = re.match(r" *(\d+) N\S* +(\w+)\((.*)\)$", line)
+            match = re.match(r" *(\d+) N\S* +([\w.]+)\((.*)\)$", line)
             if match:
                 number, word, arguments = match.groups()
                 self.line = number
@@ -110,7 +111,9 @@ class Reader:
         self.rotary = tuple(rotary)
         self.items.append(Move(
             kind, start, end, replace(self.state), self.line, feed, allowed_mm=self.allowed_mm,
+            start_allowed_mm=self.start_allowed_mm,
             allowed_feed=allowed_feed, pitch=self.pitch, machine_end=self.machine, rotary=self.rotary, turned=turned, **more))
+        self.start_allowed_mm = self.allowed_mm
 
     def event(self, kind, value=None):
         self.items.append(Event(kind, replace(self.state), self.line, value))

@@ -47,6 +47,8 @@ class Move:
     rotation: int = 0
     # By how much printed numbers may be off.
     allowed_mm: float = SAME_MM
+    # The same of the numbers of its start, which may be in another unit.
+    start_allowed_mm: float = SAME_MM
     allowed_feed: float = 0.0
     # Millimetres in a revolution of the spindle, of a move that keeps pace with it.
     pitch: float = None
@@ -62,7 +64,7 @@ class Move:
     @property
     def is_empty(self):
         return (self.kind in ("rapid", "line") and not self.turned
-                and math.dist(self.start, self.end) <= 2.0 * self.allowed_mm)
+                and math.dist(self.start, self.end) <= self.allowed_mm + self.start_allowed_mm)
 
     def __str__(self):
         words = [self.kind, " ".join(f"{axis}{it:.5f}" for axis, it in zip("XYZ", self.end))]
@@ -120,19 +122,40 @@ def difference(linuxcnc, kerf):
                 continue
             # A curve is lines and arcs in Kerf, up to where the next element agrees again.
             if isinstance(a, Move) and a.kind == "curve":
-                after = next((n for n in range(i, len(one)) if not is_curve(one[n])), None)
-                if after is not None and apart(one[after], b) is None:
+                after = after_curve(one, i, other[:j], b)
+                if after is not None:
                     i = after
                 else:
                     j += 1
                 continue
-        if a is not None and a.is_empty:
+        if a is not None and (a.is_empty or stays_after_curve(one, i, other[:j])):
             i += 1
         elif b is not None and (b.is_empty or is_reached(one, i, b)):
             j += 1
         else:
             return f"{words}: LinuxCNC {a}; Kerf {b}"
     return None
+
+
+def after_curve(items, index, before, item):
+    """The index of what agrees with an item of Kerf after a curve; None if that may still be a part of it."""
+    for n in range(index, len(items)):
+        if is_curve(items[n]):
+            continue
+        if apart(items[n], item) is None:
+            return n
+        if not stays_after_curve(items, n, before):
+            return None
+    return None
+
+
+def stays_after_curve(items, index, before):
+    """Whether the first move after a curve goes to where Kerf is already: LinuxCNC does not print where a curve ends."""
+    move = items[index]
+    end = next((it.end for it in reversed(before) if isinstance(it, Move)), None)
+    last = next((it for it in reversed(items[:index]) if isinstance(it, Move)), None)
+    return (isinstance(move, Move) and move.kind in ("rapid", "line") and last is not None and is_curve(last)
+            and end is not None and math.dist(move.end, end) <= 2.0 * move.allowed_mm)
 
 
 def is_curve(item):
@@ -179,7 +202,8 @@ def apart(a, b):
         if a.rotation != b.rotation:
             return "other turns"
         for x, y in zip(a.center, b.center):
-            if not abs(x - y) <= a.allowed_mm + 1e-12 * abs(x):
+            # That of a rotated system is made of two numbers.
+            if not abs(x - y) <= 1.5 * a.allowed_mm + 1e-12 * abs(x):
                 return f"the centre is {y - x:.6f} mm aside"
     if a.feed is not None and b.feed is not None:
         if not abs(a.feed - b.feed) <= a.allowed_feed + 1e-9 * abs(a.feed) + 1e-6:

@@ -25,7 +25,7 @@ pub(super) enum Operator {
 }
 
 impl Operator {
-    const ALL: [(&'static str, Self); 15] = [
+    pub(super) const ALL: [(&'static str, Self); 15] = [
         ("**", Self::Power),
         ("*", Self::Times),
         ("/", Self::Over),
@@ -117,7 +117,7 @@ pub(super) enum Function {
 }
 
 impl Function {
-    const ALL: [(&'static str, Self); 14] = [
+    pub(super) const ALL: [(&'static str, Self); 14] = [
         ("ABS", Self::Abs),
         ("ACOS", Self::Acos),
         ("ASIN", Self::Asin),

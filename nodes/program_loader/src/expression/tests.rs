@@ -131,3 +131,14 @@ fn a_value_that_an_error_has_made_unknown_is_not_reported_again() {
         assert!(check(text).is_ok_and(f64::is_nan), "{text}");
     }
 }
+
+#[test]
+fn the_page_of_rs274_names_each_operator_and_function() {
+    let page = include_str!("../../../../docs/rs274.md");
+    let operators = Operator::ALL.map(|(name, _)| name);
+    let functions = Function::ALL.map(|(name, _)| name);
+    for name in operators.into_iter().chain(functions) {
+        let is_named = page.contains(&format!("`{name}`")) || page.contains(&format!("`{name}["));
+        assert!(is_named, "{name}");
+    }
+}

@@ -226,3 +226,17 @@ impl Lookup for Unknown {
         Some(Ok(f64::NAN))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Keyword;
+
+    #[test]
+    fn the_page_of_rs274_names_each_o_word() {
+        let page = include_str!("../../../../docs/rs274.md");
+        for (word, _) in Keyword::WRITTEN {
+            let word = word.to_ascii_lowercase();
+            assert!(page.contains(&format!("`{word}`")), "{word}");
+        }
+    }
+}

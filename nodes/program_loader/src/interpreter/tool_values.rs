@@ -18,6 +18,12 @@ impl Interpreter<'_> {
         self.has_read_tools.get()
     }
 
+    /// Whether a row was read from a table that is not here.
+    #[inline]
+    pub(crate) fn misses_tools(&self) -> bool {
+        self.has_read_tools.get() && self.tool_rows.is_none()
+    }
+
     /// Lengths in millimetres; the table has them along Z only, and no angles.
     pub(super) fn tool_value(&self, number: u32) -> Result<f64, Trouble> {
         let unknown = || Trouble::NotHere {
