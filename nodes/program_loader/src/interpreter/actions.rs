@@ -3,7 +3,7 @@
 
 use super::axes::Cause;
 use super::{After, Interpreter, Scene};
-use crate::dialect::{GWord, Group, MWord, RadiusWord};
+use crate::dialect::{FeedMode, GWord, Group, MWord, RadiusWord};
 use crate::limits::{DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, FEED_MM_PER_MIN_MAX, NUMBER_MAX};
 use cnc_msgs::contour::{Action, ContourEventKind, CoolantMode, RadiusSource, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
@@ -19,9 +19,15 @@ impl Interpreter<'_> {
     #[inline]
     pub(super) fn feed(&mut self, scene: &mut Scene<'_>) {
         let scale = self.scale();
-        let Some(feed) = self.take_within(scene, b'F', scale, FEED_MM_PER_MIN_MAX, "mm/min") else {
+        let is_per_minute = self.modal.feed_mode == FeedMode::PerMinute;
+        let max = if is_per_minute { f64::INFINITY } else { FEED_MM_PER_MIN_MAX };
+        let Some(mut feed) = self.take_within(scene, b'F', scale, max, "mm/min") else {
             return;
         };
+        if feed > FEED_MM_PER_MIN_MAX {
+            feed = FEED_MM_PER_MIN_MAX;
+            self.fast_feed(scene);
+        }
         self.modal.feed_is_poisoned = feed < 0.0 || feed.is_nan();
         self.modal.feed_mm_per_min = if self.modal.feed_is_poisoned { 0.0 } else { feed };
         self.modal.programmed_feed_mm = self.modal.feed_mm_per_min;
@@ -30,6 +36,21 @@ impl Interpreter<'_> {
         if feed < 0.0 {
             self.negative(scene, b'F');
         }
+    }
+
+    /// Warns once of a feed that stands for "as fast as it can", or lacks its decimal point.
+    #[cold]
+    fn fast_feed(&mut self, scene: &mut Scene<'_>) {
+        if std::mem::replace(&mut self.modal.fast_feed_is_reported, true) {
+            return;
+        }
+        let source = scene.source_of(self.request.word(b'F'));
+        let word = scene.quote(self.request.word(b'F'));
+        let message =
+            format!("{word} is faster than any machine: F is at most {FEED_MM_PER_MIN_MAX} mm/min");
+        let help =
+            "look for a missing decimal point; the controller moves as fast as its settings allow";
+        scene.findings.push(Finding::warning(Code::SuspiciousValue, source, message).help(help));
     }
 
     /// S, T, M6, M3 to M9 and the machine's functions, in the order of RS-274.

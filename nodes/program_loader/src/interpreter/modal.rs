@@ -46,6 +46,9 @@ pub(super) struct Modal {
     /// The zero of the program in the work system, mm (G52, G92), and what G92.3 restores.
     pub(super) shift: Position,
     pub(super) kept_shift: Position,
+    pub(super) is_shifted: bool,
+    /// It has been said that a feed is faster than any machine.
+    pub(super) fast_feed_is_reported: bool,
     pub(super) x_is_diameter: bool,
     /// S, 1/min; 0 before the first one, and under G96.
     pub(super) rpm: f64,
@@ -87,6 +90,8 @@ impl Modal {
             turn: None,
             shift: [0.0; 3],
             kept_shift: [0.0; 3],
+            is_shifted: false,
+            fast_feed_is_reported: false,
             x_is_diameter: rules.x_is_diameter,
             rpm: 0.0,
             surface: None,

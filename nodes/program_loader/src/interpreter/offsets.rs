@@ -102,24 +102,27 @@ impl Interpreter<'_> {
         });
         self.modal.shift = shift;
         self.modal.kept_shift = shift;
+        self.modal.is_shifted = true;
         self.further.shift = further.or(self.further.shift);
         self.further.kept_shift = self.further.shift;
     }
 
-    /// Whether G52 or G92 is in force.
+    /// Whether G52 or G92 is in force, which it is with an offset of 0, too.
     pub(super) fn is_shifted(&self) -> bool {
-        self.modal.shift != [0.0; 3] || self.further.shift.iter().any(|(_, value)| value != 0.0)
+        self.modal.is_shifted
     }
 
     /// G92.3.
     pub(super) fn restore_shift(&mut self) {
         self.modal.shift = self.modal.kept_shift;
+        self.modal.is_shifted = true;
         self.further.shift = self.further.kept_shift;
     }
 
     /// Counts from the work offset again.
     pub(super) fn end_shift(&mut self) {
         self.modal.shift = [0.0; 3];
+        self.modal.is_shifted = false;
         self.further.shift = FurtherAxes::NONE;
     }
 

@@ -363,7 +363,8 @@ impl Interpreter<'_> {
             self.modal.mode = Some(mode);
             self.modal.mode_is_poisoned = false;
         }
-        self.modal.mode
+        // G0 and G1 are the same there, so nothing is unclear where neither was written.
+        self.modal.mode.or((!self.modal.mode_is_poisoned).then_some(Mode::Feed))
     }
 }
 

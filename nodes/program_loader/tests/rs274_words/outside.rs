@@ -81,6 +81,21 @@ fn what_has_no_effect_is_reported_once_with_its_first_place_and_how_often_it_sta
 }
 
 #[test]
+fn a_feed_faster_than_any_machine_is_that_of_the_fastest_and_said_once() {
+    check(&[(
+        "F9991300\nG1 X1\nF1e9 X2\nF100 X3\nM2".replace("1e9", "1000000000").as_str(),
+        "line X1 Y0 Z0 F1000000 named X; line X2 Y0 Z0 F1000000 named X; line X3 Y0 Z0 F100 named X; M2",
+        &["F9991300 is faster than any machine: F is at most 1000000 mm/min"],
+    )]);
+}
+
+#[test]
+fn an_offset_of_g52_is_in_force_with_zero_too() {
+    let text = "(DEBUG, %d#5210)\nG52 X2\n(DEBUG, %d#5210)\nG52 X0\n(DEBUG, %d#5210)\nG92.2\n(DEBUG, %d#5210)\nM2";
+    check(&[(text, "(MSG, 0); (MSG, 1); (MSG, 1); (MSG, 0); M2", &[])]);
+}
+
+#[test]
 fn a_step_that_fits_leaves_no_cut_of_air() {
     // 0.3 in are not three times 0.1 in.
     let feeds = |text: &str| {
