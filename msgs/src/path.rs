@@ -1,6 +1,7 @@
 //! The compensated path: the only thing that can be sent to a machine.
 
 mod entry;
+mod further;
 mod runs;
 mod unknown;
 
@@ -9,6 +10,7 @@ use crate::contour::{Action, CutterSide, Source};
 use crate::geometry::{AxisSet, Position, Shape};
 
 pub use entry::{Entry, NoEntry, StartInSpan, in_force};
+pub use further::FurtherPlace;
 pub use runs::RunOfLine;
 pub use unknown::UnknownAxes;
 

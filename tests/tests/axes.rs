@@ -261,34 +261,6 @@ fn a_path_that_loses_or_changes_an_axis_is_not_proved() {
     assert_eq!(loaded.contour.events.iter().filter(|event| events(&event.kind)).count(), number);
 }
 
-#[test]
-fn a_start_in_the_middle_after_an_axis_has_turned_is_refused_with_the_line() {
-    let mut line = board(Firmware::GrblHal, "XYZA");
-    let request = |program: &str, start_line| {
-        Command::RunProgram(RunRequest {
-            program_id: "part".into(),
-            revision: 1,
-            path: Arc::new(path(program)),
-            start_line,
-            in_span: Default::default(),
-            occurrence: Default::default(),
-            check_only: true,
-            tool_diameters_mm: Default::default(),
-        })
-    };
-    let refused = line.ask(request(FOUR_AXES, 5)).expect_err("a refusal").message;
-    assert!(refused.contains("line 5 comes after A moves in line 2"), "{refused}");
-    assert!(refused.contains("put A where the program begins"), "{refused}");
-    // Before the axis has turned it is where it stands.
-    let late = "G21 G90\nG0 X1\nG1 X2 F100\nX3\nX4 A90\nM2\n";
-    let said = line.ask(request(late, 4)).expect("it may begin there");
-    assert!(said.contains("; A is moved from line 5 on only: put it where"), "{said}");
-    // Of an axis that stays at 0, and that the board does not have, nothing is to be restored.
-    let mut line = board(Firmware::GrblHal, "XYZ");
-    let idle = "G21 G90\nG0 X1 A0\nG1 X2 F100\nX3\nM2\n";
-    line.ask(request(idle, 4)).expect("it may begin there");
-}
-
 fn jog(frame: JogFrame, further: FurtherAxes, feed_mm_per_min: f64) -> JogRequest {
     JogRequest { frame, axes: AxisSet::NONE, target: [0.0; 3], feed_mm_per_min, further }
 }

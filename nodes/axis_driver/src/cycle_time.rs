@@ -89,14 +89,13 @@ impl CycleTime {
         started
     }
 
-    /// Before all else the axes go from here, machine frame, to the first element: up, over, and down at this
-    /// feed. There the machine stands, and the driver looks where it is.
+    /// Before all else the axes go from here, machine frame, to the first element: up, A to W by `turn`, over,
+    /// and down at this feed. There the machine stands, and the driver looks where it is.
     pub fn come_from_above(
         &mut self,
         path: &CompensatedPath,
-        here: Position,
-        height_mm: f64,
-        axes: AxisSet,
+        (here, turn): (Position, FurtherAxes),
+        (height_mm, axes): (f64, AxisSet),
         feed_mm_per_min: Option<f64>,
     ) {
         let element = self.first_element;
@@ -105,8 +104,12 @@ impl CycleTime {
         let [up, over, down] =
             way.map(|it| std::array::from_fn(|axis| it.to[axis].unwrap_or(here[axis])));
         self.at_steps = self.steps(here);
+        let mut turn = Block::new(&self.limits, direction([0.0; 3], turn), None, element);
         for (to, feed) in [(up, None), (over, None), (down, feed_mm_per_min)] {
             if self.push(to, FurtherAxes::NONE, feed, element) {
+                self.pause_s = Some(0.0);
+            }
+            if to == up && self.push_block(turn.take()) {
                 self.pause_s = Some(0.0);
             }
         }

@@ -32,6 +32,7 @@ use cnc_msgs::path::{CompensatedPath, PathElement, Role};
 use firmware_arc::{DrawingFrame, last_place};
 pub(crate) use further::DEGREES_MAX;
 use further::HeldFurther;
+pub use further::StartFurther;
 use port::HeldOutput;
 use probe::{motion_words, no_motion};
 use std::collections::VecDeque;
@@ -155,6 +156,7 @@ pub struct Encoder {
     /// What is left of a helix of very many turns.
     rest: Option<RestOfArc>,
     start_axes: AxisSet,
+    start_further: StartFurther,
     /// S that waits for the line of the next move.
     speed: Option<HeldSpeed>,
     /// What M62, M63 and M67 switch when the next motion begins.
@@ -199,6 +201,7 @@ impl Encoder {
             pending: VecDeque::new(),
             rest: None,
             start_axes: AxisSet::NONE,
+            start_further: StartFurther::default(),
             speed: None,
             outputs: Vec::new(),
             allowed_overrides: AllowedOverrides::default(),
@@ -229,6 +232,11 @@ impl Encoder {
     /// The axes that must stand where the first element starts, in the middle of a path.
     pub fn start_axes(&self) -> AxisSet {
         self.start_axes
+    }
+
+    /// Where A to W must stand then.
+    pub fn start_further(&self) -> StartFurther {
+        self.start_further
     }
 
     /// Whether a [`EncoderStep::CheckStart`] is among the next steps.

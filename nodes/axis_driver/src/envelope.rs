@@ -16,6 +16,7 @@ use crate::machine_limits::{MachineLimits, StoredOffsets};
 use crate::machine_path::{Known, MachineMove, MachinePath, Step};
 use cnc_msgs::calls::Calls;
 use cnc_msgs::finding::Finding;
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::keep_out::KeepOut;
 use cnc_msgs::path::{CompensatedPath, PathEvent};
@@ -73,6 +74,8 @@ pub struct Approach {
     pub height_mm: f64,
     /// The axes that move there.
     pub axes: AxisSet,
+    /// Where A to W go at that height, work frame.
+    pub further: FurtherAxes,
 }
 
 impl Beginning {
@@ -246,8 +249,10 @@ impl Envelope {
 
     /// Judges the way to where the run begins.
     fn approach(&mut self, path: &CompensatedPath) {
-        let Some(Approach { height_mm, axes }) = self.beginning.approach.take() else { return };
+        let Some(approach) = self.beginning.approach.take() else { return };
         let Some(first) = path.elements.get(self.beginning.element) else { return };
+        let Approach { height_mm, axes, further } = approach;
+        self.travel.see_further(&self.walk.rapid_to(further, first.source));
         let way = self.walk.way_from_above(self.start, height_mm, axes, first.source);
         way.iter().filter(|it| !it.axes.is_empty()).for_each(|it| self.see(it));
     }

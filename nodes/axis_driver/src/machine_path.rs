@@ -196,6 +196,23 @@ impl MachinePath {
         ]
     }
 
+    /// A rapid of A to W alone, to a place of the work system in force.
+    pub(crate) fn rapid_to(&self, axes: FurtherAxes, source: Source) -> FurtherStep {
+        let (system, offset) = (self.system, self.offset());
+        let frame = MoveFrame::Work { system, offset };
+        let (from, mode) = (self.further_at, FurtherMode::Rapid);
+        let to = self.further_in_machine(axes).or(from.without_all(axes));
+        FurtherStep { mode, from, to, named: axes, frame, source }
+    }
+
+    /// The places of the machine frame, as far as the work system in force is known.
+    fn further_in_machine(&self, named: FurtherAxes) -> FurtherAxes {
+        let zero = self.further_systems[usize::from(self.system.clamp(1, 9)) - 1];
+        let shift = self.further_shift;
+        let end = |(axis, value)| Some((axis, value + zero.get(axis)? + shift.get(axis)?));
+        named.iter().filter_map(end).collect()
+    }
+
     /// What is added to a coordinate of the work system in force.
     fn offset(&self) -> Known {
         let system = self.systems[usize::from(self.system.clamp(1, 9)) - 1];
@@ -347,11 +364,7 @@ impl MachinePath {
                 step.frame = MoveFrame::Machine("G53");
                 named
             }
-            _ => {
-                let zero = self.further_systems[usize::from(system.clamp(1, 9)) - 1];
-                let end = |(axis, value)| Some((axis, value + zero.get(axis)? + shift.get(axis)?));
-                named.iter().filter_map(end).collect()
-            }
+            _ => self.further_in_machine(named),
         };
         step.to = to.or(from.without_all(named));
         self.further_at = step.to;

@@ -29,6 +29,7 @@ mod words;
 pub use board::Board;
 pub use deviation::{Culprit, Deviation};
 pub use frame::Frame;
+pub(crate) use further::is_same_place;
 pub use further::{FurtherFrame, Off};
 pub use speed::Rates;
 

@@ -280,3 +280,41 @@ fn a_run_that_was_broken_off_goes_on_where_that_is_confirmed() {
         "the run begins with line 4 at X0.000 Y0.000 Z0.000",
     ]);
 }
+
+#[test]
+fn a_run_of_four_axes_that_was_broken_off_goes_on_with_the_part_turned() {
+    let folder = Folder::new();
+    let scenario = folder.file("homing.yaml", "settings: {$22: 1}\n").display().to_string();
+    let args = ["--virtual-controller", "--axes", "XYZA", "--time-factor", "10"];
+    let ros_args = ["-p", "axis_driver:approach:=lift", "-p", "axis_driver:approach_z_mm:=-2.0"];
+    let machine = Machine::start(
+        &domain(),
+        "mill",
+        &[&args[..], &["--scenario", &scenario]].concat(),
+        &[&SLOW_POLLING[..], &ros_args].concat(),
+        Some(Turn::wait()),
+    );
+    machine.until_state("ALARM");
+    machine.kerf(&["home"]).expect(0);
+    machine.kerf(&["jog", "X-300", "Y-200", "Z-50", "--from", "machine"]).expect(0);
+    machine.kerf(&["zero", "X0", "Y0", "Z0", "A0"]).expect(0);
+    let program = "G21 G90 G94\nG0 Z5\nG0 X0 Y0 A0\nG1 Z-1 F1000\nG1 X20 A90\nG1 X220 A180 F300\n\
+                   G1 Y10\nG0 Z5\nM30\n";
+    machine.folder.file("rotary.ngc", program);
+    let running = machine.kerf_meanwhile(&["run", "rotary.ngc"]);
+    machine::until("the long line", || {
+        machine.kerf(&["status"]).out.contains("line 6").then_some(())
+    });
+    machine.kerf(&["abort"]).expect(0);
+    running.join().expect("it only runs a command").expect(4);
+    // Somebody looks at the part from below.
+    machine.kerf(&["jog", "Z40", "--from", "work"]).expect(0);
+    machine.kerf(&["jog", "A-45", "--from", "work"]).expect(0);
+    machine.kerf(&["run", "--resume", "--yes"]).expect(0).says(&[
+        "the run begins with line 6 at X20.000 Y0.000 Z-1.000 A90.000, F300",
+        "G53G0Z-2, G0A90, G0X20Y0, G1Z-1",
+        "done",
+    ]);
+    let status = machine.kerf(&["status"]).expect(0).out;
+    assert!(status.contains("X220.000 Y10.000 Z5.000 mm, A180.000 degrees"), "{status}");
+}

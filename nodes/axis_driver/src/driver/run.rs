@@ -27,7 +27,9 @@ pub(super) mod workplace;
 use super::context::Context;
 use super::context::machine::Machine;
 use crate::cycle_time::CycleTime;
-use crate::encoder::{AllowedOverrides, EncodedLine, Encoder, EncoderStep, UserFunction};
+use crate::encoder::{
+    AllowedOverrides, EncodedLine, Encoder, EncoderStep, StartFurther, UserFunction,
+};
 use crate::envelope::Beginning;
 use crate::machine_limits::StoredOffsets;
 use crate::tracker::Tracker;
@@ -275,6 +277,16 @@ impl ProgramRun {
             0 => self.job.request.path.assumed_axes,
             _ => self.encoder.start_axes(),
         }
+    }
+
+    /// Where A to W must be then.
+    pub(super) fn start_further(&self) -> StartFurther {
+        self.encoder.start_further()
+    }
+
+    /// Whether the run may begin wherever the axes are.
+    pub(super) fn relies_on_no_place(&self) -> bool {
+        self.assumed_axes().is_empty() && self.start_further().at.is_empty()
     }
 
     /// Whether slices of the path wait to be judged.

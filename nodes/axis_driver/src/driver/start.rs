@@ -72,8 +72,8 @@ impl Driver {
         let descent = Descent::of(config.approach_z_mm.is_some(), is_in_span, request.in_span);
         let height_mm = config.approach_z_mm.filter(|_| first_element > 0);
         let height_mm = height_mm.filter(|_| descent == Descent::FromAbove);
-        let axes = encoder.known_axes();
-        let approach = height_mm.map(|height_mm| Approach { height_mm, axes });
+        let (axes, further) = (encoder.known_axes(), encoder.further_place().at);
+        let approach = height_mm.map(|height_mm| Approach { height_mm, axes, further });
         let (element, event) = (first_element, encoder.events_begun());
         let workplace = match is_in_change {
             true => None,
@@ -90,8 +90,11 @@ impl Driver {
         let mut time = CycleTime::new(&limits, &request.path, first_element, start);
         if let Some((approach, here)) = approach.zip(here) {
             let feed = encoder.feed_from(first_element);
-            let Approach { height_mm, axes } = approach;
-            time.come_from_above(&request.path, here, height_mm, axes, feed);
+            let Approach { height_mm, axes, further } = approach;
+            let is = machine.further_work();
+            let way = further.iter().filter_map(|(axis, to)| Some((axis, to - is.get(axis)?)));
+            let here = (here, way.collect());
+            time.come_from_above(&request.path, here, (height_mm, axes), feed);
         }
         let proof = Proof::new(encoder.clone(), time.clone(), workplace);
         if is_only_encoded {

@@ -5,7 +5,7 @@ use super::probe::no_motion;
 use super::words::{to_grid, write_word};
 use super::{
     EncodeProblem, EncodedLine, Encoder, EncoderStep, HeldSpeed, Homing, Modal, PREAMBLE_IN_FRAME,
-    spindle_word,
+    StartFurther, spindle_word,
 };
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, CoolantMode, Source, work_system};
@@ -296,14 +296,14 @@ impl Encoder {
         self.push_action(text, LineKind::Motion, false, source)
     }
 
-    /// Lifts the tool to a height of the machine frame, says what is in force, and
+    /// Lifts the tool to a height of the machine frame, says what is in force, turns A to W there, and
     /// brings the axes that are `given` to the start of an element; Z stays up otherwise.
     pub(super) fn push_approach(
         &mut self,
         height: f64,
         actions: &[PathEvent],
         index: usize,
-        given: AxisSet,
+        (given, further): (AxisSet, FurtherAxes),
     ) -> Result<(), EncodeProblem> {
         let (path, z_alone) = (self.path.clone(), AxisSet::NONE.with(2));
         let element = &path.elements[index];
@@ -313,6 +313,13 @@ impl Encoder {
             self.encode_action(event)?;
         }
         self.push_speed()?;
+        // First, and alone: the part may turn towards the tool, which is still clear of everything.
+        let further = self.checked_further(further)?;
+        if !further.is_empty() {
+            let mut text = String::from("G0");
+            self.write_further(&mut text, further);
+            self.push_action(text, LineKind::Motion, false, source)?;
+        }
         let mut words = [String::new(), String::new()];
         for axis in (0..3).filter(|&axis| given.contains(axis)) {
             let steps = self.checked_position(AXIS_LETTERS[axis], start[axis])?;
@@ -336,6 +343,7 @@ impl Encoder {
         self.push_action(text, LineKind::Motion, false, source)?;
         // Whether it got there is looked at before anything is cut.
         self.start_axes = given;
+        self.start_further = StartFurther { at: further, is_sent: true };
         self.pending.push_back(EncoderStep::CheckStart);
         Ok(())
     }
@@ -352,8 +360,13 @@ impl Encoder {
         self.push(EncodedLine { text, kind, is_alone, element: None, source, role, events })
     }
 
-    /// What the words before an element have set, sent anew when a run begins there.
-    pub(super) fn push_restored(&mut self, actions: &[PathEvent]) -> Result<(), EncodeProblem> {
+    /// What the words before an element have set, sent anew when a run begins there; A to W have to stand
+    /// at `further`.
+    pub(super) fn push_restored(
+        &mut self,
+        actions: &[PathEvent],
+        further: FurtherAxes,
+    ) -> Result<(), EncodeProblem> {
         let moves_frame = |event: &PathEvent| match event.action {
             // The words that every run begins with say G54 and G49.
             Action::WorkOffset { system } => system != 1,
@@ -371,6 +384,8 @@ impl Encoder {
         self.push_speed()?;
         // The tool stands where the path says; that was asked of the operator.
         self.modal.unknown = AxisSet::NONE;
+        self.modal.further_at = self.checked_further(further)?;
+        self.start_further = StartFurther { at: self.modal.further_at, is_sent: false };
         Ok(())
     }
 }

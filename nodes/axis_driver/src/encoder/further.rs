@@ -9,7 +9,7 @@ use super::{EncodeProblem, Encoder};
 use crate::link::LineKind;
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes, FurtherMode, FurtherMove, further_distance};
-use cnc_msgs::path::CompensatedPath;
+use cnc_msgs::path::{CompensatedPath, FurtherPlace};
 
 /// The largest angle, degrees, either sign: beyond it the 32 bit numbers of the controllers are
 /// more than 0.005 degrees apart.
@@ -22,6 +22,15 @@ const PER_MINUTE_MAX: f64 = 1e6;
 pub(super) struct HeldFurther {
     axes: FurtherAxes,
     pub(super) source: Source,
+}
+
+/// Where the axes A to W must stand when a run begins in the middle.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StartFurther {
+    /// In the work frame.
+    pub at: FurtherAxes,
+    /// A line has taken them there: a board that counts within one turn shows another angle.
+    pub is_sent: bool,
 }
 
 /// The axes that a path names, and never with anything but 0: posts write A0 for machines that
@@ -82,14 +91,17 @@ impl Encoder {
         !self.config.board.has_further(axis) && self.idle_axes >> axis & 1 == 1
     }
 
-    /// The letters of the axes that events from here on move, and the line that does so first: until then
-    /// they stay where they are.
+    /// The letters of the axes that only events from here on move, and the line that does so first: until
+    /// then they stay where they are.
     pub(crate) fn awaited_further(&self) -> Option<(String, u32)> {
+        let FurtherPlace { at, lost, .. } = self.further_place();
+        let before = at.or(lost);
         let mut moved = FurtherAxes::NONE;
         let mut first = None;
         for event in &self.path.events[self.next_event..] {
             let Action::Further(FurtherMove { axes, .. }) = event.action else { continue };
-            for (axis, value) in axes.iter().filter(|(axis, _)| !self.leaves_out(*axis)) {
+            for (axis, value) in axes.without_all(before).iter().filter(|it| !self.leaves_out(it.0))
+            {
                 moved = moved.with(axis, value);
                 first.get_or_insert(event.source.line);
             }
@@ -98,7 +110,7 @@ impl Encoder {
     }
 
     /// The axes that are sent; refuses those that the controller does not have.
-    fn checked_further(&self, named: FurtherAxes) -> Result<FurtherAxes, EncodeProblem> {
+    pub(super) fn checked_further(&self, named: FurtherAxes) -> Result<FurtherAxes, EncodeProblem> {
         let board = &self.config.board;
         let mut axes = FurtherAxes::NONE;
         for (axis, value) in named.iter() {

@@ -4,9 +4,10 @@
 //! where the control of the program begins there. What the words before
 //! it have set is sent first: tool (to be
 //! confirmed), work system, tool length, spindle, coolant. Dwells, stops and moves are
-//! not repeated. The tool must stand where that element starts, in all axes, which is
-//! checked after the words that move the frame; or, where a height is given at which
-//! it is clear of everything, it is lifted there before anything else, goes over the
+//! not repeated. The tool must stand where that element starts, in all axes that the program has moved,
+//! A to W included, which is checked after the words that move the frame; or, where a height is given at which
+//! it is clear of everything, it is lifted there before anything else. At that height A to W go where the
+//! program has them, so that nothing turns under the tool; then the tool goes over the
 //! place, and down to it at feed rate. Under compensation it comes down at a point of the
 //! compensated path, along its own axis, so that the plunge removes only what the path
 //! removes there too. Where Z lies in the plane of compensation that is not so, and the tool
@@ -17,10 +18,11 @@
 
 use super::{AllowedOverrides, EncodeError, Encoder, EncoderConfig, UserFunction};
 use cnc_msgs::contour::Action;
-use cnc_msgs::further::{FurtherAxes, FurtherMove};
+use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::{
-    CompensatedPath, NoEntry, PathElement, PathEvent, Role, StartInSpan, UnknownAxes, in_force,
+    CompensatedPath, FurtherPlace, NoEntry, PathElement, PathEvent, Role, StartInSpan, UnknownAxes,
+    in_force,
 };
 use cnc_msgs::port_word::PortWord;
 use std::sync::Arc;
@@ -51,12 +53,6 @@ pub enum StartProblem {
     MachineFunction { line: u32, word: String, at: u32 },
     #[error("line {line} comes after {word}, which stores where the tool is: begin before it")]
     StoredPosition { line: u32, word: String },
-    #[error(
-        "line {line} comes after {letters} moves in line {moved}, and a start in the middle does \
-         not move {letters} there: put {letters} where the program begins (kerf jog), then begin at line {moved} or \
-         before it"
-    )]
-    FurtherAxes { line: u32, letters: String, moved: u32 },
     #[error(transparent)]
     Encode(Box<EncodeError>),
 }
@@ -89,8 +85,7 @@ pub fn start_at(
     }
     encoder.next_element = index;
     encoder.next_event = entry.event;
-    let is_left_out = |axes: FurtherAxes| axes.iter().all(|(axis, _)| encoder.leaves_out(axis));
-    let restored = restored(&path.events[..encoder.next_event], (line, index), is_left_out)?;
+    let restored = restored(&path, encoder.next_event, (line, index))?;
     let source_place = path.elements[index].source;
     // Before the first motion the tool is wherever the path expects it, as for the whole.
     let place = match index {
@@ -102,6 +97,7 @@ pub fn start_at(
         let axes = place.unknown;
         return Err(place.refuse(line, axes));
     }
+    let further = encoder.further_place();
     let comes_down = !is_in_span || in_span == StartInSpan::FromAbove;
     let pushed = match config.approach_z_mm.filter(|_| index > 0 && comes_down) {
         Some(height) => {
@@ -119,16 +115,20 @@ pub fn start_at(
             if !counted.is_empty() {
                 return Err(place.refuse(line, counted));
             }
+            let turned = path.further_given(encoder.next_event, index);
+            let turned = if place.unknown.contains(2) { turned } else { FurtherAxes::NONE };
+            refuse_lost(&further, turned, line)?;
             let given = AxisSet::ALL.without(place.unknown).without(place.untouched);
-            encoder.push_approach(height, &restored, index, given)
+            encoder.push_approach(height, &restored, index, (given, further.at))
         }
         None if !place.unknown.is_empty() => {
             let axes = place.unknown;
             return Err(place.refuse(line, axes));
         }
         None => {
+            refuse_lost(&further, FurtherAxes::NONE, line)?;
             encoder.start_axes = AxisSet::ALL.without(place.untouched);
-            encoder.push_restored(&restored)
+            encoder.push_restored(&restored, further.at)
         }
     };
     pushed.map_err(|problem| {
@@ -151,6 +151,14 @@ impl Encoder {
         AxisSet::ALL.without(place.unknown.union(place.untouched))
     }
 
+    /// Where the path has left the axes A to W that are sent, before what comes next.
+    pub(crate) fn further_place(&self) -> FurtherPlace {
+        let FurtherPlace { at, lost, since } = self.path.further_after(self.next_event);
+        let sent =
+            |axes: FurtherAxes| axes.iter().filter(|(axis, _)| !self.leaves_out(*axis)).collect();
+        FurtherPlace { at: sent(at), lost: sent(lost), since }
+    }
+
     /// Whether what follows counts from a place that the path does not say.
     pub(crate) fn counts_from_unknown(&self) -> bool {
         let place = KnownPlace::before(&self.path, self.next_element, self.next_event);
@@ -166,18 +174,20 @@ fn counted(unknown: &UnknownAxes) -> AxisSet {
 /// The words before a line that are sent again: work offsets that the controller is to store, then
 /// those in force.
 fn restored(
-    events: &[PathEvent],
+    path: &CompensatedPath,
+    before: usize,
     (line, element): (u32, usize),
-    is_left_out: impl Fn(FurtherAxes) -> bool,
 ) -> Result<Vec<PathEvent>, StartProblem> {
     let mut restored = Vec::new();
-    for event in events {
+    let events = &path.events[..before];
+    for (index, event) in events.iter().enumerate() {
         match event.action {
-            Action::Further(FurtherMove { axes, .. }) if !is_left_out(axes) => {
-                let (letters, moved) = (axes.letters(), event.source.line);
-                return Err(StartProblem::FurtherAxes { line, letters, moved });
-            }
             Action::SetWorkOffset { by_position: false, .. } => restored.push(*event),
+            Action::Further(_)
+                if matches!(path.further_owner(index), Some(Action::SetWorkOffset { .. })) =>
+            {
+                restored.push(*event);
+            }
             // It would be in force there, as G96 is.
             Action::Auxiliary { .. }
                 if UserFunction::of(&event.action).is_none()
@@ -195,6 +205,18 @@ fn restored(
     }
     restored.extend(in_force(events, element));
     Ok(restored)
+}
+
+/// Refuses a start where axes A to W are somewhere that the path does not say, and are not given next.
+fn refuse_lost(place: &FurtherPlace, given: FurtherAxes, line: u32) -> Result<(), StartProblem> {
+    let lost = place.lost.without_all(given);
+    match lost.is_empty() {
+        true => Ok(()),
+        false => {
+            let (axes, since) = (lost.letters(), place.since.clone());
+            Err(StartProblem::UnknownPlace { line, axes, since })
+        }
+    }
 }
 
 /// What the program has said of the place where an element begins.

@@ -2,6 +2,7 @@
 #![allow(clippy::result_large_err, reason = "errors are compared as they are")]
 
 mod arcs;
+mod further_starts;
 mod ports;
 mod read_back;
 

@@ -263,7 +263,8 @@ fn the_way_to_a_beginning_in_the_middle_is_judged() {
     let approached = |keep_out: &KeepOut, approach| judged(&plain, keep_out, 0, Some(approach));
     let none = KeepOut::default();
     let axes = AxisSet::ALL;
-    let from = |height_mm| Approach { height_mm, axes };
+    let further = FurtherAxes::NONE;
+    let from = |height_mm| Approach { height_mm, axes, further };
     // The event before the beginning is run, or left out.
     let out = "Z40.000 in the machine frame (G53)";
     check(&judged(&with_g53, &none, 0, None), &[(Code::Travel, 5, out)]);

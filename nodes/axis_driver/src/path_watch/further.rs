@@ -115,7 +115,12 @@ fn tolerance(largest: f64, step: f64) -> f64 {
 /// Whether a report may show the one offset where the other is in force. A turn more or less of an axis that
 /// turns is the same: its zero is set where the board says that it stands.
 pub(super) fn is_same_offset(axis: usize, one: f64, other: f64, step: f64) -> bool {
-    let apart = match FurtherAxes::is_rotary(axis) {
+    is_same_place(one, other, step, FurtherAxes::is_rotary(axis))
+}
+
+/// Whether two places of an axis are the same, with whole turns left out or not.
+pub(crate) fn is_same_place(one: f64, other: f64, step: f64, leaves_out_turns: bool) -> bool {
+    let apart = match leaves_out_turns {
         true => (one - other) - TURN_DEGREES * ((one - other) / TURN_DEGREES).round(),
         false => one - other,
     };

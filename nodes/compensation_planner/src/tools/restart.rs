@@ -6,6 +6,7 @@
 use crate::check::finding::block_name;
 use cnc_msgs::contour::{Action, ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
 use cnc_msgs::path::{
     CompensatedPath, Entry, NoEntry, PathElement, PathEvent, StartInSpan, in_force,
@@ -19,6 +20,8 @@ pub struct Start {
     pub entry: Entry,
     /// Where the first element starts, work frame, mm.
     pub at: Position,
+    /// Where A to W are then, as far as the program has said it.
+    pub further: FurtherAxes,
     pub in_span: StartInSpan,
     /// Which time its line is run: `, in o<pocket>, called from line 40`; empty without calls.
     calls: String,
@@ -114,6 +117,7 @@ pub fn start(
     Ok(Start {
         entry,
         at: path.start_of(entry.element),
+        further: path.further_after(entry.event).at,
         in_span,
         calls: path.calls.after(path.elements[entry.element].source),
         warning,
@@ -187,6 +191,9 @@ impl fmt::Display for Start {
         write!(f, "begins with {}{}{comma} at", block_name(self.first.source), self.calls)?;
         for (letter, place) in AXIS_LETTERS.iter().zip(self.at) {
             write!(f, " {letter}{place:.3}")?;
+        }
+        for (axis, place) in self.further.iter() {
+            write!(f, " {}{place:.3}", FURTHER_LETTERS[axis])?;
         }
         if self.in_span != StartInSpan::Refused {
             let side = match self.first.side {

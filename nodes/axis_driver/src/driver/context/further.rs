@@ -186,6 +186,11 @@ impl Machine {
         self.comparable(self.further.machine)
     }
 
+    /// Where they are in the work frame, as far as it is known.
+    pub(in crate::driver) fn further_work(&self) -> FurtherAxes {
+        self.comparable(self.further.work)
+    }
+
     /// In inches builds of grblHAL print angles like lengths, and others as degrees.
     fn comparable(&self, axes: FurtherAxes) -> FurtherAxes {
         let is_printed = |axis: usize| !self.reports_in_inches() || !FurtherAxes::is_rotary(axis);

@@ -248,7 +248,7 @@ impl ProgramRun {
             (Origin::CheckMode, Stage::Preparing { .. }) => self.send_preamble(context),
             (Origin::Preamble, Stage::Preparing { .. }) => {
                 let is_checked_later = self.encoder.checks_start() || self.job.is_check();
-                self.stage = match is_checked_later || self.assumed_axes().is_empty() {
+                self.stage = match is_checked_later || self.relies_on_no_place() {
                     true => Stage::Streaming,
                     false => Stage::Positioning { until: context.now + WORK_POSITION },
                 };
@@ -312,7 +312,7 @@ impl ProgramRun {
             }
             Stage::Positioning { .. } => {
                 let at = context.machine.work_position()?;
-                if let Err(refusal) = self.check_start(at) {
+                if let Err(refusal) = self.check_start(&context.machine, at) {
                     return Some(Exit::over(refusal.into()));
                 }
                 self.stage = Stage::Streaming;

@@ -9,8 +9,10 @@ use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
 use crate::driver::context::config::{ANSWER, START_TOLERANCE_MM};
 use crate::driver::context::machine::Machine;
-use crate::encoder::{Encoder, EncoderConfig};
+use crate::encoder::{Encoder, EncoderConfig, StartFurther};
+use crate::path_watch::is_same_place;
 use cnc_msgs::contour::Action;
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
 use cnc_msgs::path::PathEvent;
 use cnc_msgs::port_word::PortWord;
@@ -112,7 +114,28 @@ impl Machine {
             && self.work_system == Some(1)
             && self.has_tool_length == Some(false);
         let at = self.work_position().filter(|_| is_frame_known)?;
-        check_start(at, start, axes).err()
+        let further = encoder.start_further();
+        let checked = check_start(at, start, axes).and_then(|()| self.check_further_start(further));
+        checked.err()
+    }
+
+    /// Whether A to W are where a run begins, as far as reports say where they are. A whole turn off
+    /// counts: the next line would turn back by it.
+    fn check_further_start(&self, start: StartFurther) -> Result<(), Refusal> {
+        let StartFurther { at, is_sent } = start;
+        let is = self.further_work();
+        let off = at.iter().find_map(|(axis, wanted)| {
+            let is = is.get(axis)?;
+            let leaves_out_turns = is_sent && FurtherAxes::is_rotary(axis);
+            let is_there = is_same_place(is, wanted, self.further_step(axis), leaves_out_turns);
+            (!is_there).then_some((FURTHER_LETTERS[axis], wanted, is))
+        });
+        let Some((letter, wanted, is)) = off else { return Ok(()) };
+        let message = format!(
+            "the path begins at {letter}{wanted:.3} but {letter} is at {is:.3} in the work frame: \
+             move it there first (kerf jog)"
+        );
+        Err(Refusal::new(error_code::START_POSITION, message))
     }
 }
 
@@ -161,9 +184,10 @@ impl ProgramRun {
         }
     }
 
-    /// Whether the tool is where the path relies on it to be; work frame, mm.
-    pub(super) fn check_start(&self, at: Position) -> Result<(), Refusal> {
-        check_start(at, self.start(), self.assumed_axes())
+    /// Whether the axes are where the path relies on them to be; `at` is in the work frame, mm.
+    pub(super) fn check_start(&self, machine: &Machine, at: Position) -> Result<(), Refusal> {
+        check_start(at, self.start(), self.assumed_axes())?;
+        machine.check_further_start(self.start_further())
     }
 }
 
