@@ -19,6 +19,9 @@ use virtual_controller::{Build, Controller, Fault, FaultInjector, LineTiming, Pa
 /// The longest that a test waits for anything, machine time.
 const TIMEOUT: Duration = Duration::from_secs(6 * 3_600);
 
+/// A slow Wi-Fi, as the driver takes it to be.
+const NETWORK_BAUD: u32 = 2_000_000;
+
 /// Changes what the driver writes on its way to the controller, once: `None` leaves it, and waits
 /// for what comes next.
 pub struct Spoil(Box<Change>);
@@ -67,7 +70,8 @@ impl Line {
     /// A driver that opens the port of this controller now.
     pub fn new(config: DriverConfig, build: Build, faults: &[&str]) -> Self {
         let faults = faults.iter().map(|text| text.parse::<Fault>().expect("a fault")).collect();
-        let timing = LineTiming { baud: Some(config.baud), ..LineTiming::default() };
+        let baud = if config.is_networked { NETWORK_BAUD } else { config.baud };
+        let timing = LineTiming { baud: Some(baud), ..LineTiming::default() };
         let device = FaultInjector::new(Controller::with_build(build), faults, 1);
         let mut line = Self {
             driver: Driver::new(config),

@@ -1,7 +1,7 @@
 //! Firmware that repeats each line that it has read: what was damaged on its way never moves.
 
-use crate::certified::Certified;
-use crate::damaged::{OFF_MM, spoil};
+use crate::certified::{Certified, OFF_MM};
+use crate::damaged::spoil;
 use crate::parts::{Part, Random, START, built};
 use axis_driver::codes::error_code;
 use axis_driver::driver::{Command, DriverConfig, OnPathDeviation, RunOutcome};
@@ -36,7 +36,7 @@ fn no_damaged_line_moves_the_tool_while_others_are_before_it() {
             let settings = Settings::small_router_of(firmware);
             let build = Build { echoes_lines: true, ..Build::new(settings) };
             let mut line = built(build, config.clone());
-            let certified = Certified::new(&path, START, START);
+            let certified = Certified::new(&path, START, line.all_axes());
             let mut random = Random(seed);
             line.start(path.clone(), 0);
             line.wait(random.between(2.0, 12.0));
@@ -46,7 +46,7 @@ fn no_damaged_line_moves_the_tool_while_others_are_before_it() {
             let (mut hint, end) = (0, line.now + Duration::from_secs(120));
             while line.finished.is_none() && line.now < end {
                 line.controller.advance(line.now);
-                let off = certified.off_mm(line.axes(), &mut hint);
+                let off = certified.off(line.all_axes(), &mut hint).mm;
                 assert!(off <= OFF_MM, "{what}: {off:.3} mm off\n{}", line.log.join("\n"));
                 line.step_within(Duration::from_millis(4));
                 // The damaged byte may be a hold or a stop of the program.

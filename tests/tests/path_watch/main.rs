@@ -7,5 +7,6 @@ mod damaged;
 mod echo;
 mod named;
 mod parts;
+mod rig;
 mod sound;
 mod turning;

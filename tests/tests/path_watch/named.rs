@@ -1,6 +1,6 @@
 //! One test for each thing that goes wrong on a shop floor.
 
-use crate::certified::Certified;
+use crate::certified::{Certified, OFF_MM};
 use crate::parts::{Part, START, holding, router};
 use axis_driver::codes::error_code;
 use axis_driver::driver::{Command, DriverConfig, OffsetRequest, OnPathDeviation, RunOutcome};
@@ -54,9 +54,9 @@ fn until_held(line: &mut Line, certified: &Certified) -> (f64, f64) {
             return (farthest, off_s.as_secs_f64());
         }
         line.controller.advance(at);
-        let off = certified.off_mm(line.axes(), &mut hint);
+        let off = certified.off(line.all_axes(), &mut hint).mm;
         farthest = farthest.max(off);
-        match off > 0.06 {
+        match off > OFF_MM {
             true => since = since.or(Some(at)),
             false => {
                 let was = since.take().map_or(Duration::ZERO, |since| at.saturating_sub(since));
@@ -79,7 +79,7 @@ fn spoilt(
     let config =
         DriverConfig { receive_buffer_bytes: Some(90), line_check_interval_ms: 0, ..holding() };
     let mut line = router(firmware, &[mask], config);
-    let certified = Certified::new(&path, START, START);
+    let certified = Certified::new(&path, START, line.all_axes());
     line.start(path, 0);
     line.until("the line is reached", |line| line.state().line >= 3);
     happen(&mut line);
@@ -251,7 +251,7 @@ fn a_work_offset_that_nobody_asked_for_is_held_before_the_tool_moves_in_it() {
         };
         line.ask(Command::SetWorkOffset(other)).expect("G55 is set");
         let path = part(false);
-        let certified = Certified::new(&path, START, START);
+        let certified = Certified::new(&path, START, line.all_axes());
         replace_next(&mut line, "G54", "G55");
         line.start(path, 0);
         let (off_mm, off_s) = until_held(&mut line, &certified);
