@@ -1,7 +1,7 @@
 //! No false alarm: runs with nothing wrong, on every firmware.
 
 use crate::parts::{Part, Random, START, holding, number, random_part, router, turn_along};
-use crate::rig::Rig;
+use crate::rig::{Cable, Rig};
 use axis_driver::driver::{Command, DriverConfig, JogFrame, JogRequest, Overrides, RunOutcome};
 use cnc_msgs::contour::{Action, Probe, SpindleMode};
 use cnc_msgs::further::{FurtherAxes, FurtherMode, FurtherMove};
@@ -229,6 +229,14 @@ fn nothing_is_held_where_nothing_is_wrong() {
     }
     assert!(hours > 1.0, "{hours:.2} h are too few for a statement");
     assert!(torn > 20, "{torn} torn reports are too few");
+}
+
+#[test]
+fn a_feed_that_the_driver_has_raised_is_not_wrong_before_a_report_shows_its_override() {
+    // The work offset takes the place of the override in the report after a torn one.
+    let usual = Rig::usual(Firmware::GrblHal, "XYZA");
+    let rig = Rig { cable: Cable::Network, acceleration_mm_per_s2: Some(800), ..usual };
+    sound_runs(rig, 1092, 3);
 }
 
 #[test]

@@ -157,6 +157,14 @@ fn steps(from: i16, to: i16) -> (i16, i16) {
 }
 
 impl Context {
+    /// The highest feed override that the controller may have now, in parts of one: the last one reported, or
+    /// that of bytes which no report shows yet. A round may begin at 100 %.
+    pub(in crate::driver) fn feed_override_most(&self) -> f64 {
+        let asked = self.overrides.as_ref().filter(|watch| watch.wanted.feed.is_some());
+        let asked = asked.map_or(0, |watch| watch.expected[0].max(100));
+        f64::from(self.machine.overrides_percent[0].max(asked).max(1)) / 100.0
+    }
+
     /// Asks the controller for overrides; the answer comes when a report shows them.
     pub(in crate::driver) fn set_overrides(&mut self, id: u64, wanted: Overrides) -> Answer {
         let named = [("feed", wanted.feed), ("spindle", wanted.spindle)];

@@ -136,7 +136,7 @@ impl ProgramRun {
             further_offset: machine.further_offset_shown(),
             work_offset: machine.shown.work_offset,
             feed_mm_per_min: machine.status.as_ref().and_then(StatusReport::speed_mm_per_min),
-            feed_override: machine.speeds().feed,
+            feed_override: context.feed_override_most(),
             blocks_in_use: machine.blocks_in_use(),
         };
         match watch.judge(&seen) {
