@@ -23,6 +23,11 @@ def same(one, other, allowed_mm=SAME_MM):
                     place = " ".join(f"{axis}{value:.4f}" for axis, value in zip("XYZ", point))
                     return f"{near:.6f} mm apart at {place}"
                 reached = number
+                # Where a path goes back over itself, it may be the next move as well.
+                if part == 0.5 and beside[reached].is_rapid != piece.is_rapid and \
+                        any(other.distance(point) <= allowed_mm
+                            for other in beside[reached + 1:reached + 2]):
+                    reached += 1
                 if part == 0.5 and beside[reached].is_rapid != piece.is_rapid:
                     return f"a rapid in one of them only, at block {piece.block}"
     lengths = [sum(piece.length for piece in way) for way in ways]

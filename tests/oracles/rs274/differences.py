@@ -70,7 +70,7 @@ DIFFERENCES = [
      "break and continue in a repeat, as in the other loops"),
     (r"^bad: wrong numbers of words", "Kerf takes", r"tool 99 not found",
      "a tool whose diameter and length the path does not need may be missing in the table"),
-    (r"^arcs that begin compensation", "Kerf refuses", r"^lead_type: .* along its inside",
+    (r"^arcs that begin compensation", "Kerf refuses", r"^lead_type .* along its inside",
      "an arc as the first move that starts beyond the tangent beside its end: see docs/linuxcnc.md"),
     (r"^arcs that begin compensation", "Kerf refuses", r"^lead_gouge",
      "a lead that cuts into the contour: LinuxCNC does not look"),
