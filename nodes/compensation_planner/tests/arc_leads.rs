@@ -11,7 +11,9 @@ use cnc_msgs::geometry::Shape;
 use cnc_msgs::path::Role;
 use cnc_msgs::profile::{ArcLead, SelectTarget};
 use cnc_msgs::tool_table::ToolTable;
-use compensation_planner::{Plan, Planning, Verdict, judge, plan_certified};
+use compensation_planner::replan::replan;
+use compensation_planner::set_tool::LoadedProgram;
+use compensation_planner::{Plan, Planning, Verdict, judge, plan_certified, start};
 use proptest::prelude::*;
 use support::{codes, contour, dedent, finding, findings, listing, rs274, tool};
 
@@ -251,6 +253,31 @@ fn the_leads_of_a_certificate_hold_for_the_arc_of_each_radius() {
     for (radius_mm, takes) in [(28.28, true), (28.29, false)] {
         assert_eq!(judged_with(outside, &tool(radius_mm)).accepted(), takes, "{radius_mm}");
     }
+}
+
+#[test]
+fn a_run_may_begin_at_the_arc_and_after_it() {
+    let text = "G0 X0 Y0\nG41 D1\nG3 X20 Y20 I0 J20\nG1 Y60\nG40 X-30";
+    let (contour, plan) = (contour(text, &rs274()), judged_with(text, &tool(5.0)));
+    for (line, at) in [(3, [0.0, 0.0, 0.0]), (4, [15.0, 20.0, 0.0])] {
+        let start = start(&contour, &rs274(), &plan.path, line, 0).expect("a start");
+        assert!((0..3).all(|axis| (start.at[axis] - at[axis]).abs() < 1e-9), "{line}: {start}");
+    }
+}
+
+#[test]
+fn a_value_entered_while_the_arc_is_cut_leaves_the_arc_as_it_is() {
+    let mut profile = support::sinumerik();
+    (profile.select.arc_lead, profile.select.target) = (ArcLead::Arc, SelectTarget::NormalEntry);
+    let text = "G41 D1 G3 X20 Y20 I0 J20\nG1 Y60\nX-10\nG40 X-30 Y40";
+    let (before, after) = (tool(5.0), tool(4.0));
+    let (contour, running) = (contour(text, &profile), support::plan(text, &profile, &before).path);
+    let program = LoadedProgram { name: "arc", contour: &contour, profile: &profile };
+    let rest = replan(program, &before, &after, &running, 1).expect("it can change");
+    assert_eq!((rest.from_line, rest.plan.path.elements[0]), (2, running.elements[0]));
+    // N2 ends where both offsets of 4 mm meet.
+    let end = rest.plan.path.elements[1].end;
+    assert!((end[0] - 16.0).abs() < 1e-9 && (end[1] - 56.0).abs() < 1e-9, "{end:?}");
 }
 
 proptest! {
