@@ -22,7 +22,7 @@ pub(crate) enum NoLeadArc {
 /// the programmed start; it ends where the programmed arc does.
 pub(crate) fn lead_arc(programmed: &Arc, d_mm: f64) -> Result<Arc, NoLeadArc> {
     let Arc { center, radius, turn, from, to, sweep } = *programmed;
-    // With the chord from the start to the end, seen from the radius at the end.
+    // From the chord, so that short arcs lose no digits.
     let (part, chord_mm) = ((from - to).norm_squared(), radius * (from - to).norm());
     if chord_mm <= LENGTH_MM {
         return Err(NoLeadArc::FullCircle);
