@@ -14,9 +14,10 @@ use compensation_planner::{Plan, plan, plan_certified};
 use kerf_tests::root;
 use kerf_tests::rows::IN_ORDER;
 use kerf_tests::samples::{Sample, samples};
+use program_loader::LoadOptions;
 use program_loader::limits::FlowLimits;
 use program_loader::subroutines::with_subroutines;
-use program_loader::{LoadOptions, load};
+use program_loader::tool_rows::load_with_tools;
 
 /// Programs to begin with, each with the profile of its control.
 pub(crate) fn corpus() -> Vec<(Profile, Vec<u8>)> {
@@ -279,7 +280,8 @@ fn loaded_and_planned(text: &[u8], profile: &Profile, random: &mut Random) -> bo
         flow: FlowLimits { blocks_max: 2000, depth_max: 10, ..FlowLimits::default() },
         probes_touch_at: text.len().is_multiple_of(2).then_some(0.4),
     };
-    let loaded = load(text, profile, &options);
+    let tools = tools(random);
+    let (_, loaded) = load_with_tools(text, profile, &options, &tools);
     check_places(&loaded.findings, loaded.line_count, &shown());
     for event in &loaded.contour.events {
         assert!(event.source.line <= loaded.line_count, "{event:?}\n{}", shown());
@@ -288,7 +290,6 @@ fn loaded_and_planned(text: &[u8], profile: &Profile, random: &mut Random) -> bo
         assert!(loaded.contour.events.is_empty(), "{}", shown());
         return false;
     }
-    let tools = tools(random);
     planned(&loaded.contour, profile, &tools, loaded.line_count, true, shown).accepted()
 }
 
