@@ -64,7 +64,8 @@ class Move:
     @property
     def is_empty(self):
         return (self.kind in ("rapid", "line") and not self.turned
-                and math.dist(self.start, self.end) <= self.allowed_mm + self.start_allowed_mm)
+                and all(abs(a - b) <= self.allowed_mm + self.start_allowed_mm
+                        for a, b in zip(self.start, self.end)))
 
     def __str__(self):
         words = [self.kind, " ".join(f"{axis}{it:.5f}" for axis, it in zip("XYZ", self.end))]
