@@ -2,7 +2,7 @@
 //!
 //! The one owner of motion. From the wire upwards: [`report`] reads what the
 //! firmware says and [`codes`] words it, [`firmware`] has what differs between firmwares; [`link`] counts characters; [`encoder`]
-//! turns a compensated path into lines; [`driver`] decides what is sent and when,
+//! turns a compensated path into lines, [`approach`] says how a run in the middle begins; [`driver`] decides what is sent and when,
 //! and what is known of the machine; [`machine_limits`] is what its settings say, [`envelope`]
 //! judges a path by them, [`cycle_time`] how long it takes; [`journal`] writes its inputs down and plays
 //! them again. All of that is a function of inputs and of the time that comes with
@@ -12,6 +12,7 @@
 //!
 //! None of this is a safety function; an emergency stop is wired.
 
+pub mod approach;
 pub mod codes;
 pub mod cycle_time;
 pub mod driver;

@@ -213,6 +213,20 @@ impl MachinePath {
         named.iter().filter_map(end).collect()
     }
 
+    /// Goes to before an element and an event of it.
+    pub(crate) fn go_before(&mut self, path: &CompensatedPath, element: usize, event: usize) {
+        while (self.next_element < element || self.next_event < event)
+            && self.next_element <= element
+            && self.next(path).is_some()
+        {}
+    }
+
+    /// What is added to the coordinates of the work system in force, where all of it is known.
+    pub(crate) fn whole_offset(&self) -> Option<Position> {
+        let [x, y, z] = self.offset();
+        Some([x?, y?, z?])
+    }
+
     /// What is added to a coordinate of the work system in force.
     fn offset(&self) -> Known {
         let system = self.systems[usize::from(self.system.clamp(1, 9)) - 1];

@@ -7,6 +7,7 @@ mod layer;
 mod run;
 mod start;
 
+use crate::picture::strips::{Strip, strips};
 use crate::picture::turns::marks;
 use crate::picture::view::{Point, View};
 use cnc_msgs::calls::{Call, Calls, chain_text};
@@ -62,6 +63,8 @@ pub(crate) struct Sheet<'a> {
     pub(crate) pins: Vec<Pin>,
     /// Where further axes arrive, with their words and the line.
     pub(crate) turns: Vec<(Point, String, u32)>,
+    /// What they do, block by block.
+    pub(crate) strips: Vec<Strip>,
     /// Place and text.
     pub(crate) differences: Vec<[String; 2]>,
     /// Index of the run on the page.
@@ -115,10 +118,11 @@ impl<'a> Sheet<'a> {
         }));
     }
 
-    /// Marks where further axes arrive.
+    /// Shows what further axes do, and marks where they arrive.
     pub(crate) fn turn(&mut self, contour: &ProgrammedContour, view: View) {
         let marks = marks(contour, view).into_iter();
         self.turns = marks.map(|it| (it.at, it.words, it.line)).collect();
+        self.strips = strips(contour);
     }
 
     /// Takes the calls and passes that elements were run in.

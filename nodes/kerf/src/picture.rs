@@ -5,6 +5,7 @@
 //! files decide what is shown.
 
 pub(crate) mod look;
+pub(crate) mod strips;
 mod strokes;
 pub(crate) mod turns;
 pub(crate) mod view;
@@ -47,9 +48,12 @@ pub(crate) fn write(picture: &Picture<'_>, svg: &mut impl Write) -> io::Result<(
     let pins = picture.findings.iter().filter_map(|finding| finding.position);
     pins.for_each(|position| bounds.add(view.project(position)));
     let mut frame = Frame::around(bounds);
-    frame.make_room(&legend);
+    let title = title(picture, view);
+    frame.make_room(&title, &legend);
+    let strips = strips::strips(picture.contour);
+    frame.below = strips::height(&strips, frame.text);
 
-    frame.open(svg, picture, view, &legend)?;
+    frame.open(svg, &title, &legend)?;
     frame.grid(svg, view)?;
     for region in picture.uncut {
         strokes::write_uncut(svg, region, view)?;
@@ -57,6 +61,8 @@ pub(crate) fn write(picture: &Picture<'_>, svg: &mut impl Write) -> io::Result<(
     strokes::write(svg, programmed(), view)?;
     strokes::write(svg, compensated(), view)?;
     frame.turns(svg, picture.contour, view)?;
+    let corner = [frame.min[0], frame.min[1] + frame.size[1]];
+    strips::write(svg, &strips, corner, frame.size[0], frame.text)?;
     for (number, finding) in picture.findings.iter().enumerate() {
         if let Some(position) = finding.position {
             frame.pin(svg, view.project(position), number, finding)?;
@@ -71,13 +77,22 @@ struct Frame {
     size: Point,
     /// Height of a line of text, millimetres.
     text: f64,
+    /// Height of what stands below the drawing.
+    below: f64,
 }
+
+/// The width of a picture in which X, Y and Z move nowhere, mm.
+const AT_ONE_PLACE_MM: f64 = 20.0;
 
 impl Frame {
     fn around(bounds: Bounds) -> Self {
         let Bounds { mut min, mut max } = bounds;
         if !min.iter().chain(&max).all(|value| value.is_finite()) {
-            (min, max) = ([0.0; 2], [1.0; 2]);
+            (min, max) = ([0.0; 2], [0.0; 2]);
+        }
+        if min == max {
+            let half = AT_ONE_PLACE_MM / 2.0;
+            (min, max) = (min.map(|value| value - half), max.map(|value| value + half));
         }
         let extent = (max[0] - min[0]).max(max[1] - min[1]).max(1e-3);
         let (margin, text) = (extent * 0.08, extent * 0.022);
@@ -85,34 +100,30 @@ impl Frame {
         let min = [min[0] - margin, min[1] - margin - 2.0 * text];
         let size =
             [(max[0] + margin - min[0]).max(extent * 0.9), max[1] + margin + 2.0 * text - min[1]];
-        Self { min, size, text }
+        Self { min, size, text, below: 0.0 }
     }
 
-    /// Widens the picture until its legend fits below it.
-    fn make_room(&mut self, legend: &[Look]) {
-        let width: f64 = legend.iter().map(Look::width).sum();
+    /// Widens the picture until its title fits above it, and its legend below.
+    fn make_room(&mut self, title: &str, legend: &[Look]) {
+        let below: f64 = legend.iter().map(Look::width).sum();
+        let width = below.max(1.0 + 0.55 * title.chars().count() as f64);
         self.size[0] = self.size[0].max((width + 1.0) * self.text);
     }
 
-    fn open(
-        &self,
-        svg: &mut impl Write,
-        picture: &Picture<'_>,
-        view: View,
-        legend: &[Look],
-    ) -> io::Result<()> {
+    fn open(&self, svg: &mut impl Write, title: &str, legend: &[Look]) -> io::Result<()> {
         let (text, line) = (self.text, self.text * 0.12);
-        let pixels = 1200.0 / self.size[0].max(self.size[1]);
+        let height = self.size[1] + self.below;
+        let pixels = 1200.0 / self.size[0].max(height);
         writeln!(
             svg,
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.0}\" height=\"{:.0}\" \
              viewBox=\"{:.6} {:.6} {:.6} {:.6}\">",
             self.size[0] * pixels,
-            self.size[1] * pixels,
+            height * pixels,
             self.min[0],
             self.min[1],
             self.size[0],
-            self.size[1]
+            height
         )?;
         writeln!(
             svg,
@@ -125,6 +136,7 @@ impl Frame {
              .axis{{stroke:#c3c8ce;stroke-width:{:.4}}}\
              text{{font:{text:.4}px sans-serif;fill:#30343a}}.tick{{fill:#9aa0a8;font-size:{:.4}px}}\
              .uncut{{fill:#f2b8a0;stroke:#c65b2b;stroke-width:{:.4}}}\
+             .strip{{stroke:{TURN};stroke-width:{:.4}}}\
              .turn path{{fill:{TURN}}}.turn text{{fill:{TURN};font-size:{:.4}px}}\
              .error{{fill:#c62828}}.warning{{fill:#d98200}}</style>",
             line * 1.2,
@@ -137,25 +149,20 @@ impl Frame {
             line * 0.8,
             text * 0.7,
             line * 0.8,
+            line * 1.2,
             text * 0.8,
         )?;
-        let [first, second, _] = view.plane.axes();
         writeln!(
             svg,
             "<rect x=\"{:.6}\" y=\"{:.6}\" width=\"{:.6}\" height=\"{:.6}\" fill=\"white\"/>",
-            self.min[0], self.min[1], self.size[0], self.size[1]
+            self.min[0], self.min[1], self.size[0], height
         )?;
         writeln!(
             svg,
-            "<text x=\"{:.6}\" y=\"{:.6}\">{} — {}{} to the right, {} {}, mm{}</text>",
+            "<text x=\"{:.6}\" y=\"{:.6}\">{}</text>",
             self.min[0] + text,
             self.min[1] + 1.6 * text,
-            escape(picture.title),
-            if picture.accepted { "" } else { "REFUSED — " },
-            AXIS_LETTERS[first],
-            AXIS_LETTERS[second],
-            if view.is_mirrored { "down" } else { "up" },
-            further_note(picture.contour).map(|note| format!(" — {note}")).unwrap_or_default(),
+            escape(title),
         )?;
         self.legend(svg, legend)
     }
@@ -195,7 +202,9 @@ impl Frame {
                     break;
                 }
                 let class = if index == 0 { "axis" } else { "grid" };
-                let value = if axis == 0 || view.is_mirrored { at } else { -at } + 0.0;
+                let value = if axis == 0 || view.is_mirrored { at } else { -at };
+                // Without the last digits of a product.
+                let value = (value * 1e9).round() / 1e9 + 0.0;
                 let (line, x, y) = if axis == 0 {
                     (format!("M{at:.6} {:.6}v{:.6}", min[1], size[1]), at, min[1] + size[1])
                 } else {
@@ -276,7 +285,7 @@ impl Frame {
     }
 }
 
-/// That the program moves axes of which a picture has only where they arrive, and where it begins to.
+/// That the program moves axes that are not in the drawing, and where it begins to.
 pub(crate) fn further_note(contour: &ProgrammedContour) -> Option<String> {
     let mut moved = contour.events.iter().filter_map(|event| match event.kind {
         ContourEventKind::Action(Action::Further(it)) => Some((it.axes, event.source.line)),
@@ -285,10 +294,17 @@ pub(crate) fn further_note(contour: &ProgrammedContour) -> Option<String> {
     let (first, line) = moved.next()?;
     let letters = moved.fold(first, |all, (axes, _)| axes.or(all)).letters();
     let letters: Vec<String> = letters.chars().map(String::from).collect();
-    Some(format!(
-        "also moves {} from line {line} on: marks show where they arrive",
-        letters.join(", ")
-    ))
+    Some(format!("also moves {} from line {line} on", letters.join(", ")))
+}
+
+/// What is drawn, and how it lies on the paper.
+fn title(picture: &Picture<'_>, view: View) -> String {
+    let [first, second, _] = view.plane.axes();
+    let refused = if picture.accepted { "" } else { "REFUSED — " };
+    let way = if view.is_mirrored { "down" } else { "up" };
+    let note = further_note(picture.contour).map(|note| format!(" — {note}")).unwrap_or_default();
+    let (right, up) = (AXIS_LETTERS[first], AXIS_LETTERS[second]);
+    format!("{} — {refused}{right} to the right, {up} {way}, mm{note}", picture.title)
 }
 
 /// An entry of the legend.

@@ -139,10 +139,10 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
     if (line, occurrence) != start {
         println!("it cannot begin with {}, so it begins before", place(start));
     }
-    println!("  {planned}");
     let goal =
         RunProgramGoal { program_id, start_line: line, check_only: false, occurrence, revision };
-    println!("  {}", checked(node, goal.clone()).await?);
+    let told = told(planned, &checked(node, goal.clone()).await?);
+    told.iter().for_each(|part| println!("  {part}"));
     if let Some(page) = page {
         let path = newest_there(&mut paths, |it| it.revision).await;
         let path = path.filter(|it| (&it.program_id, it.revision) == (&goal.program_id, revision));
@@ -152,7 +152,7 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
             return Err(Failure::new(Status::NoAnswer, "the planner shows no path to draw"));
         };
         let manifests = Manifests { program, contour, path };
-        draw(node, page, &manifests, (line, occurrence), &planned).await?;
+        draw(node, page, &manifests, (line, occurrence), &told).await?;
     }
     let first = obstacles(&state);
     if !first.is_empty() {
@@ -199,6 +199,11 @@ async fn planned_start(
     } else {
         Err(Failure::new(Status::NodeRefused, message))
     }
+}
+
+/// What will be done, a row each: what the planner says, and the parts of what the driver says.
+fn told(planned: String, checked: &str) -> Vec<String> {
+    std::iter::once(planned).chain(checked.split("; ").map(str::to_owned)).collect()
 }
 
 /// What the driver would send first, and how long the rest takes.
@@ -249,7 +254,7 @@ async fn draw(
     page: OutputFile,
     manifests: &Manifests,
     (line, occurrence): (u32, u32),
-    planned: &str,
+    told: &[String],
 ) -> Result<(), Failure> {
     let fetched = fetched(node, manifests).await.map_err(|why| {
         Failure::new(Status::NoAnswer, format!("the page cannot be drawn: {why}"))
@@ -262,7 +267,7 @@ async fn draw(
         path: &fetched.path,
         line,
         occurrence,
-        planned,
+        told,
     };
     page.write(|to| start.page().write_html(to))
 }

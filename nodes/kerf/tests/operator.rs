@@ -310,11 +310,25 @@ fn a_run_of_four_axes_that_was_broken_off_goes_on_with_the_part_turned() {
     // Somebody looks at the part from below.
     machine.kerf(&["jog", "Z40", "--from", "work"]).expect(0);
     machine.kerf(&["jog", "A-45", "--from", "work"]).expect(0);
-    machine.kerf(&["run", "--resume", "--yes"]).expect(0).says(&[
+    machine.kerf(&["run", "--resume", "--yes", "--html", "start.html"]).expect(0).says(&[
         "the run begins with line 6 at X20.000 Y0.000 Z-1.000 A90.000, F300",
-        "G53G0Z-2, G0A90, G0X20Y0, G1Z-1",
+        "s to the end\n",
+        "tool as it is: the program has changed none before\n",
+        "offsets G54\n",
+        "spindle off\n",
+        "coolant off\n",
+        "Z40.000, up to Z48.000 (Z-2.000 in the machine frame), there to A90.000, over X20.000 Y0.000, down to Z-1.000 \
+         at F300\n",
+        "first come G53G0Z-2, G0A90, G0X20Y0, G1Z-1F300\n",
+        "the first cut are X220A180G93F1.5 (line 6), Y10G94F300 (line 7), G0Z5 (line 8)\n",
         "done",
     ]);
+    let page = machine.folder.path().join("start.html");
+    let page = std::fs::read_to_string(page).expect("a page");
+    for shown in ["\"approach\"", "the tool is here", "down to Z-1.000 at F300", "\"letter\":\"A\""]
+    {
+        assert!(page.contains(shown), "{shown}");
+    }
     let status = machine.kerf(&["status"]).expect(0).out;
     assert!(status.contains("X220.000 Y10.000 Z5.000 mm, A180.000 degrees"), "{status}");
 }

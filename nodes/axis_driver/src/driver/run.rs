@@ -5,6 +5,7 @@
 //! handlers of time, answers and reports, `stream` sends the lines, `tool_change` and
 //! `replan` are what happens while the machine stands in the middle of a run.
 
+pub(super) mod beginning;
 mod block;
 pub(super) mod exit;
 mod input;

@@ -7,8 +7,9 @@ use super::manual::configure::{Configuration, configure};
 use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
 use super::output::LogLevel;
 use super::run::ProgramRun;
+use super::run::beginning::{Descent, beginning_of};
 use super::run::exit::RunVerdict;
-use super::run::proof::{Check, Descent, Proof, beginning_of};
+use super::run::proof::{Check, Proof};
 use super::run::replan::ReplanRequest;
 use super::run::request::RunRequest;
 use super::run::tool_change::check_block;
@@ -99,7 +100,7 @@ impl Driver {
         let proof = Proof::new(encoder.clone(), time.clone(), workplace);
         if is_only_encoded {
             let beginning = match first_element {
-                0 => String::new(),
+                0 => Vec::new(),
                 _ => {
                     let from = request.path.start_of(first_element);
                     let elsewhere = match self.obstacle() {
@@ -107,8 +108,12 @@ impl Driver {
                         // It may move until the run begins.
                         Some(_) => None,
                     };
-                    let elsewhere = elsewhere.map(|it| format!("; {}", it.message));
-                    beginning_of(encoder, descent) + &elsewhere.unwrap_or_default()
+                    let text = approach.map(|approach| {
+                        machine.approach_text(&request.path, (element, event), approach, &encoder)
+                    });
+                    let mut parts = beginning_of(&request.path, encoder, descent, text);
+                    parts.extend(elsewhere.map(|it| it.message));
+                    parts
                 }
             };
             self.check = Some(Check { id, request, proof, beginning });

@@ -9,6 +9,9 @@ use compensation_planner::UncutRegion;
 use serde::ser::SerializeSeq;
 use serde::{Serialize, Serializer};
 
+/// Rapids are thin: they cut nothing.
+const RAPID_WIDTH: f64 = 0.8;
+
 /// A path that can be switched on and off.
 #[derive(Debug, Serialize)]
 pub(crate) struct Layer<'a> {
@@ -18,6 +21,8 @@ pub(crate) struct Layer<'a> {
     rapid: &'static str,
     /// Width of its lines, pixels.
     width: f64,
+    /// The same of its rapids.
+    rapid_width: f64,
     start: Point,
     elements: Rows<'a>,
 }
@@ -99,6 +104,7 @@ impl<'a> Layer<'a> {
             corner: color,
             rapid,
             width: 1.2,
+            rapid_width: RAPID_WIDTH,
             start: view.project(contour.start),
             elements: Rows::Contour(contour, view),
         }
@@ -113,7 +119,9 @@ impl<'a> Layer<'a> {
     ) -> Self {
         let elements = Rows::Path(elements, view);
         let (color, corner, rapid) = (look::PATH, look::CORNER, look::RAPID);
-        Self { name, color, corner, rapid, width: 2.2, start: view.project(start), elements }
+        let (width, rapid_width) = (2.2, RAPID_WIDTH);
+        let start = view.project(start);
+        Self { name, color, corner, rapid, width, rapid_width, start, elements }
     }
 
     /// The part of a path that a run leaves out.
@@ -121,6 +129,24 @@ impl<'a> Layer<'a> {
         let grey = "#b3b8bf";
         let layer = Self::compensated("left out", start, elements, view);
         Self { color: grey, corner: grey, rapid: grey, width: 1.1, ..layer }
+    }
+
+    /// The way of the tool to where a run begins: the ends of its moves, with their feeds.
+    pub(crate) fn approach(
+        from: Position,
+        moves: &[(Position, Option<f64>)],
+        source: Source,
+        view: View,
+    ) -> Self {
+        let green = look::APPROACH;
+        let layer = Self::compensated("approach", from, &[], view);
+        let row = |(end, feed): &(Position, Option<f64>)| {
+            let look = if feed.is_some() { Look::Cut } else { Look::Rapid };
+            row(view, &Shape::Line, *end, source, look, *feed)
+        };
+        let elements = Rows::Made(moves.iter().map(row).collect());
+        let (width, rapid_width) = (1.6, 1.6);
+        Self { color: green, corner: green, rapid: green, width, rapid_width, elements, ..layer }
     }
 
     /// Today's path, drawn above a recorded one.
@@ -131,9 +157,9 @@ impl<'a> Layer<'a> {
 
     /// The same without the contour or path that it was made of.
     pub(crate) fn into_owned(self) -> Layer<'static> {
-        let Self { name, color, corner, rapid, width, start, elements } = self;
+        let Self { name, color, corner, rapid, width, rapid_width, start, elements } = self;
         let elements = Rows::Made(elements.made());
-        Layer { name, color, corner, rapid, width, start, elements }
+        Layer { name, color, corner, rapid, width, rapid_width, start, elements }
     }
 }
 

@@ -48,8 +48,18 @@ function extent() {
   let box = [Infinity, Infinity, -Infinity, -Infinity];
   const add = (x, y, r = 0) => { box = [Math.min(box[0], x - r), Math.min(box[1], y - r), Math.max(box[2], x + r), Math.max(box[3], y + r)]; };
   for (const layer of sheet.layers) {
-    if (layer.elements.length) add(...layer.start);
-    for (const e of layer.elements) add(e[X], e[Y]);
+    let [x, y] = layer.start;
+    if (layer.elements.length) add(x, y);
+    for (const e of layer.elements) {
+      add(e[X], e[Y]);
+      if (e[KIND] !== STRAIGHT) {
+        const r = Math.hypot(x - e[CX], y - e[CY]);
+        for (const [px, py] of [[e[CX] + r, e[CY]], [e[CX] - r, e[CY]], [e[CX], e[CY] + r], [e[CX], e[CY] - r]]) {
+          if (sweeps(px, py, x, y, e)) add(px, py);
+        }
+      }
+      x = e[X]; y = e[Y];
+    }
   }
   for (const pin of sheet.pins) if (pin.at) add(...pin.at);
   return box[0] > box[2] ? [-1, -1, 1, 1] : box;
@@ -101,7 +111,7 @@ function trace(box, e, x, y) {
 
 function stroke(layer, look) {
   pen.setLineDash(look === LEAD ? [9, 6] : []);
-  pen.lineWidth = look === RAPID ? 0.8 : layer.width;
+  pen.lineWidth = look === RAPID ? layer.rapid_width : layer.width;
   pen.strokeStyle = look === RAPID ? layer.rapid : look === CORNER ? layer.corner : layer.color;
   pen.stroke();
 }
@@ -207,17 +217,22 @@ function draw() {
 
 const startOf = (layer, index) => index === 0 ? layer.start : [layer.elements[index - 1][X], layer.elements[index - 1][Y]];
 
+// Whether an arc that begins at x, y passes in the direction of a point.
+function sweeps(px, py, x, y, e) {
+  const turn = 2 * Math.PI, sign = e[KIND] % 2 === CLOCKWISE ? 1 : -1;
+  const angle = (ax, ay) => Math.atan2(ay - e[CY], ax - e[CX]);
+  const from = angle(x, y), swept = (at) => (((at - from) * sign) % turn + turn) % turn;
+  const sweep = e[KIND] > 2 ? turn : swept(angle(e[X], e[Y]));
+  return swept(angle(px, py)) <= sweep;
+}
+
 function distance(px, py, x, y, e) {
   if (e[KIND] === STRAIGHT) {
     const dx = e[X] - x, dy = e[Y] - y, length = dx * dx + dy * dy;
     const t = length > 0 ? Math.max(0, Math.min(1, ((px - x) * dx + (py - y) * dy) / length)) : 0;
     return Math.hypot(px - x - t * dx, py - y - t * dy);
   }
-  const turn = 2 * Math.PI, sign = e[KIND] % 2 === CLOCKWISE ? 1 : -1;
-  const angle = (ax, ay) => Math.atan2(ay - e[CY], ax - e[CX]);
-  const from = angle(x, y), swept = (at) => (((at - from) * sign) % turn + turn) % turn;
-  const sweep = e[KIND] > 2 ? turn : swept(angle(e[X], e[Y]));
-  if (swept(angle(px, py)) <= sweep) return Math.abs(Math.hypot(px - e[CX], py - e[CY]) - Math.hypot(x - e[CX], y - e[CY]));
+  if (sweeps(px, py, x, y, e)) return Math.abs(Math.hypot(px - e[CX], py - e[CY]) - Math.hypot(x - e[CX], y - e[CY]));
   return Math.min(Math.hypot(px - x, py - y), Math.hypot(px - e[X], py - e[Y]));
 }
 
@@ -521,6 +536,74 @@ chart.addEventListener("wheel", (event) => {
 }, { passive: false });
 chart.addEventListener("dblclick", () => { span = [0, duration()]; drawChart(); });
 
+// ---- axes that are not in the drawing, over the blocks
+
+const strips = by("strips"), brush = strips.getContext("2d");
+// Pixels of one axis, and the most of all of them.
+const STRIP = 84, STRIPS_MAX = 252;
+const blockAt = (box, x, count) => (x - CHART_LEFT) / (box.width - CHART_LEFT - 12) * count;
+let pointed = null;                   // the block below the mouse
+
+function drawStrips() {
+  if (!sheet.strips.length) return;
+  const box = size(strips, brush), each = box.height / sheet.strips.length;
+  brush.font = "11px system-ui, sans-serif";
+  sheet.strips.forEach((strip, number) => {
+    const top = number * each + 18, bottom = (number + 1) * each - 8, right = box.width - 12;
+    const [least, most] = strip.range, low = most > least ? least : least - 0.5, range = most > least ? most - least : 1;
+    const x = (block) => CHART_LEFT + block / (strip.blocks || 1) * (right - CHART_LEFT);
+    const y = (value) => bottom - (value - low) / range * (bottom - top);
+    brush.fillStyle = "#6b727c";
+    brush.fillText(`${strip.letter} in ${strip.unit}, over the ${strip.blocks} blocks that move something`, CHART_LEFT, top - 6);
+    brush.strokeStyle = "#eceef1";
+    brush.lineWidth = 1;
+    for (const value of most > least ? [least, most] : [least]) {
+      brush.beginPath();
+      brush.moveTo(CHART_LEFT, y(value));
+      brush.lineTo(right, y(value));
+      brush.stroke();
+      const text = `${+value.toFixed(3)}`;
+      brush.fillText(text, CHART_LEFT - 6 - brush.measureText(text).width, y(value) + 4);
+    }
+    brush.strokeStyle = "#1763a6";
+    brush.lineWidth = 1.5;
+    for (const piece of strip.pieces) {
+      brush.beginPath();
+      piece.forEach(([block, value], index) => index ? brush.lineTo(x(block), y(value)) : brush.moveTo(x(block), y(value)));
+      brush.stroke();
+    }
+    if (pointed === null) return;
+    brush.strokeStyle = "#23272e";
+    brush.lineWidth = 1;
+    brush.beginPath();
+    brush.moveTo(x(pointed), top - 4);
+    brush.lineTo(x(pointed), bottom + 4);
+    brush.stroke();
+  });
+}
+
+// The value of an axis at a block, and the line that takes it on from there; null where nobody says it.
+function valueAt(strip, block) {
+  for (const piece of strip.pieces) {
+    const next = piece.findIndex(([at]) => at >= block);
+    if (next < 0 || piece[0][0] > block) continue;
+    const [to, value, line] = piece[next], [from, old] = piece[Math.max(0, next - 1)];
+    return [to > from ? old + (value - old) * (block - from) / (to - from) : value, line];
+  }
+  return null;
+}
+
+strips.addEventListener("pointermove", (event) => {
+  const box = strips.getBoundingClientRect(), count = sheet.strips[0].blocks;
+  pointed = Math.max(0, Math.min(count, blockAt(box, event.clientX - box.left, count)));
+  const values = sheet.strips.map((strip) => [strip, valueAt(strip, pointed)]).filter(([, found]) => found);
+  const line = Math.min(...values.map(([, [, line]]) => line));
+  by("under").textContent = values.map(([strip, [value]]) => `${strip.letter} ${value.toFixed(3)} ${strip.unit}`).join(", ")
+    + (values.length ? `\nline ${line}: ${blockText(line)}` : "");
+  if (values.length) mark(line);
+  drawStrips();
+});
+
 // What the strokes of the path mean, where it has them.
 function legend() {
   if (!sheet.layers.length) return [];
@@ -559,18 +642,22 @@ function show(number) {
     label.append(box, line, `${layer.name} (${layer.elements.length})`);
     return label;
   }), ...legend());
+  by("strips-box").className = sheet.strips.length ? "" : "none";
+  by("strips-box").style.height = `${Math.min(STRIPS_MAX, STRIP * sheet.strips.length)}px`;
+  pointed = null;
+  drawStrips();
   by("chart-box").className = run ? "" : "none";
   if (run) { span = [0, duration()]; drawChart(); }
   choose(sheet.differences.length ? "differences" : sheet.pins.length ? "findings" : run && !sheet.program.length ? "dialogue" : "program");
   fit();
   // Shows its whole text: the row in the list may be cut by the window.
-  const first = ["difference", "alarm", "start"].map((kind) => sheet.pins.find((pin) => pin.kind === kind)).find(Boolean);
+  const first = ["difference", "alarm"].map((kind) => sheet.pins.find((pin) => pin.kind === kind)).find(Boolean);
   if (first) by("under").textContent = first.text;
 }
 
 by("sheets").replaceChildren(...data.sheets.map((sheet, index) => new Option(sheet.title, index)));
 by("sheets").hidden = data.sheets.length < 2;
 by("sheets").addEventListener("change", (event) => show(+event.target.value));
-addEventListener("resize", () => { draw(); drawChart(); renderRows(); });
+addEventListener("resize", () => { draw(); drawStrips(); drawChart(); renderRows(); });
 show(0);
 document.body.dataset.ready = "true";

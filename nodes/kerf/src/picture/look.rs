@@ -6,6 +6,8 @@ pub(crate) const PROGRAMMED: &str = "#7a7f87";
 pub(crate) const PATH: &str = "#7b2fbf";
 pub(crate) const CORNER: &str = "#b565e8";
 pub(crate) const RAPID: &str = "#2f8f5b";
+/// The way to where a run begins.
+pub(crate) const APPROACH: &str = "#2e7d32";
 /// Also in `page.js`.
 pub(crate) const TURN: &str = "#1763a6";
 

@@ -13,8 +13,8 @@ use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
 use crate::driver::context::config::{ANSWER, LINES_PER_SLICE};
 use crate::driver::output::{Output, RunOutcome, RunResult};
-use crate::encoder::{EncodeError, EncodedLine, Encoder, EncoderStep};
-use cnc_msgs::path::{CompensatedPath, StartInSpan};
+use crate::encoder::{EncodeError, Encoder, EncoderStep};
+use cnc_msgs::path::CompensatedPath;
 use std::time::Duration;
 
 /// A path that is being encoded for nothing but its errors.
@@ -152,85 +152,6 @@ impl Proof {
     }
 }
 
-/// Lines before the first element that a check shows.
-const SHOWN_MAX: usize = 10;
-
-/// How the tool gets to the first element of a run from the middle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::driver) enum Descent {
-    /// It is lifted, goes over the place and comes down.
-    FromAbove,
-    /// Nothing is known of heights, or nothing is to be approached.
-    NotLifted,
-    /// Coming down would cut: Z is in the plane of compensation.
-    Cuts,
-}
-
-impl Descent {
-    pub(in crate::driver) fn of(is_lifted: bool, is_in_span: bool, in_span: StartInSpan) -> Self {
-        match () {
-            () if is_in_span && in_span != StartInSpan::FromAbove => Self::Cuts,
-            () if is_lifted => Self::FromAbove,
-            () => Self::NotLifted,
-        }
-    }
-
-    /// What has to be done before the run, for people.
-    fn before(self) -> &'static str {
-        match self {
-            Self::FromAbove => "",
-            Self::NotLifted => {
-                "; the tool has to stand there: it comes from above only on a homed machine, with the parameter \
-                 approach: lift"
-            }
-            Self::Cuts => {
-                "; the tool has to stand there: Z is in the plane of compensation, so coming down would cut"
-            }
-        }
-    }
-}
-
-/// `; first come G53G0Z-5, S8000M3, G0X8Y20`: what is sent before the first element, and whether the tool gets
-/// there by it.
-pub(in crate::driver) fn beginning_of(mut encoder: Encoder, descent: Descent) -> String {
-    let further = encoder.awaited_further().map_or(String::new(), |(letters, line)| {
-        format!(
-            "; {letters} {} moved from line {line} on only: put {} where the program begins",
-            if letters.len() == 1 { "is" } else { "are" },
-            if letters.len() == 1 { "it" } else { "them" }
-        )
-    });
-    let mut lines = Vec::new();
-    let mut more = 0;
-    while let Some(Ok(step)) = encoder.next_step() {
-        let line = match step {
-            EncoderStep::Line(EncodedLine { element: Some(_), .. }) | EncoderStep::Probe { .. } => {
-                break;
-            }
-            EncoderStep::Line(line) | EncoderStep::ReadInput { line } => line.text,
-            EncoderStep::Home { text, .. } => text,
-            EncoderStep::ToolChange { tool, .. } => format!("the change to T{tool}"),
-            EncoderStep::ControllerChange { tool, .. } => format!("M6T{tool}"),
-            EncoderStep::Stretch { .. } | EncoderStep::UserFunction { .. } => break,
-            EncoderStep::AllowOverrides { .. }
-            | EncoderStep::CheckStart
-            | EncoderStep::CheckReturn { .. } => continue,
-        };
-        match lines.len() < SHOWN_MAX {
-            true => lines.push(line),
-            false => more += 1,
-        }
-    }
-    if more > 0 {
-        lines.push(format!("and {more} more"));
-    }
-    let mut text = String::new();
-    if !lines.is_empty() {
-        text = format!("; first come {}", lines.join(", "));
-    }
-    text + &further + descent.before()
-}
-
 /// Owns a request that only asks whether a path can be encoded. No run comes of it, so
 /// that it goes on in every phase.
 #[derive(Debug)]
@@ -238,8 +159,8 @@ pub(in crate::driver) struct Check {
     pub(in crate::driver) id: u64,
     pub(in crate::driver) request: RunRequest,
     pub(in crate::driver) proof: Proof,
-    /// What a run from the middle would send before its first element, for people; else empty.
-    pub(in crate::driver) beginning: String,
+    /// What a run from the middle does before its first element, for people; else empty.
+    pub(in crate::driver) beginning: Vec<String>,
 }
 
 impl Check {
@@ -261,10 +182,11 @@ impl Check {
                         return true;
                     }
                 }
-                let message = format!(
-                    "{lines} lines, about {seconds:.0} s; nothing was sent{}",
-                    self.beginning
-                );
+                let parts = &self.beginning;
+                let to_the_end = if parts.is_empty() { "" } else { " to the end" };
+                let mut message =
+                    format!("{lines} lines, about {seconds:.0} s{to_the_end}; nothing was sent");
+                parts.iter().for_each(|part| message += &format!("; {part}"));
                 context.reply(id, Ok(message.clone()));
                 let outcome = RunOutcome::Succeeded;
                 let result = RunResult {
@@ -280,76 +202,5 @@ impl Check {
             }
         }
         true
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::encoder::{EncoderConfig, start_at};
-    use cnc_msgs::contour::{Action, Source};
-    use cnc_msgs::geometry::{AxisSet, Shape};
-    use cnc_msgs::path::{PathElement, PathEvent, Role};
-    use std::sync::Arc;
-
-    #[test]
-    fn the_tool_comes_down_only_where_that_cuts_nothing() {
-        use StartInSpan::{FromAbove, Refused, Standing};
-        for (is_lifted, is_in_span, in_span, expected) in [
-            (true, false, Refused, Descent::FromAbove),
-            (true, true, FromAbove, Descent::FromAbove),
-            (true, true, Standing, Descent::Cuts),
-            // The control's answer is about another place than the path's.
-            (true, false, Standing, Descent::FromAbove),
-            (false, false, Refused, Descent::NotLifted),
-            (false, true, FromAbove, Descent::NotLifted),
-            (false, true, Standing, Descent::Cuts),
-        ] {
-            let descent = Descent::of(is_lifted, is_in_span, in_span);
-            assert_eq!(descent, expected, "{is_lifted} {is_in_span} {in_span:?}");
-            let stands = descent.before().starts_with("; the tool has to stand there");
-            assert_eq!(stands, expected != Descent::FromAbove);
-        }
-    }
-
-    #[test]
-    fn of_many_lines_before_the_first_element_ten_are_shown() {
-        let beginning = |offsets: u32| {
-            let element = |line, x| PathElement {
-                shape: Shape::Line,
-                end: [x, 0.0, 0.0],
-                feed_mm_per_min: Some(600.0),
-                role: Role::None,
-                side: None,
-                axes: AxisSet::ALL,
-                source: Source { line, ..Source::default() },
-            };
-            let events = (0..offsets).map(|number| PathEvent {
-                at_element: 0,
-                action: Action::SetWorkOffset {
-                    system: 1,
-                    axes: AxisSet::ALL,
-                    origin: [f64::from(number), 0.0, 0.0],
-                    by_position: false,
-                },
-                source: Source { line: 1, ..Source::default() },
-            });
-            let path = CompensatedPath {
-                elements: vec![element(2, 10.0), element(3, 20.0)],
-                events: events.collect(),
-                ..CompensatedPath::default()
-            };
-            let config = EncoderConfig::default();
-            let started = start_at(Arc::new(path), config, (3, 0), StartInSpan::Refused);
-            let (encoder, _) = started.expect("it begins");
-            beginning_of(encoder, Descent::FromAbove)
-        };
-        let few = beginning(2);
-        assert!(!few.contains(" more"), "{few}");
-        let shown = few.split(", ").count();
-        let many = beginning(1000);
-        assert_eq!(many.split(", ").count(), SHOWN_MAX + 1, "{many}");
-        let rest = shown + 998 - SHOWN_MAX;
-        assert!(many.ends_with(&format!(", and {rest} more")), "{many}");
     }
 }

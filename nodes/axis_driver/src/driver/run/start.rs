@@ -4,17 +4,20 @@ use super::exit::Exit;
 use super::request::RunRequest;
 use super::workplace::WorkplaceCheck;
 use super::{ProgramRun, Stage};
+use crate::approach::ApproachText;
 use crate::codes::error_code;
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
 use crate::driver::context::config::{ANSWER, START_TOLERANCE_MM};
 use crate::driver::context::machine::Machine;
 use crate::encoder::{Encoder, EncoderConfig, StartFurther};
+use crate::envelope::Approach;
+use crate::machine_path::MachinePath;
 use crate::path_watch::is_same_place;
 use cnc_msgs::contour::Action;
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position};
-use cnc_msgs::path::PathEvent;
+use cnc_msgs::path::{CompensatedPath, PathEvent};
 use cnc_msgs::port_word::PortWord;
 
 impl RunRequest {
@@ -117,6 +120,31 @@ impl Machine {
         let further = encoder.start_further();
         let checked = check_start(at, start, axes).and_then(|()| self.check_further_start(further));
         checked.err()
+    }
+
+    /// How the tool comes to where a run begins in the middle: before this element and this event.
+    pub(in crate::driver) fn approach_text(
+        &self,
+        path: &CompensatedPath,
+        (element, event): (usize, usize),
+        approach: Approach,
+        encoder: &Encoder,
+    ) -> ApproachText {
+        let Approach { height_mm, axes, further } = approach;
+        let mut walk = MachinePath::new(path, &self.known_offsets(), [None; 3]);
+        walk.go_before(path, element, event);
+        let start = path.start_of(element);
+        let from = self.machine_position().zip(walk.whole_offset());
+        ApproachText {
+            from: from.map(|(at, offset)| {
+                let in_work = std::array::from_fn(|axis| at[axis] - offset[axis]);
+                (in_work, height_mm - offset[2])
+            }),
+            height_in_machine: height_mm,
+            further,
+            to: std::array::from_fn(|axis| axes.contains(axis).then_some(start[axis])),
+            feed_mm_per_min: encoder.feed_from(element),
+        }
     }
 
     /// Whether A to W are where a run begins, as far as reports say where they are. A whole turn off

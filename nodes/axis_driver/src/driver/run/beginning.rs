@@ -1,0 +1,264 @@
+//! What a run from the middle does before its first element, for people.
+
+use crate::approach::ApproachText;
+use crate::encoder::{EncodedLine, Encoder, EncoderStep};
+use cnc_msgs::contour::{Action, work_system};
+use cnc_msgs::path::{CompensatedPath, PathEvent, StartInSpan, in_force};
+
+/// Lines before the first element that a check shows.
+const SHOWN_MAX: usize = 10;
+/// Lines that cut, after them.
+const CUT_SHOWN: usize = 3;
+
+/// How the tool gets to the first element of a run from the middle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::driver) enum Descent {
+    /// It is lifted, goes over the place and comes down.
+    FromAbove,
+    /// Nothing is known of heights, or nothing is to be approached.
+    NotLifted,
+    /// Coming down would cut: Z is in the plane of compensation.
+    Cuts,
+}
+
+impl Descent {
+    pub(in crate::driver) fn of(is_lifted: bool, is_in_span: bool, in_span: StartInSpan) -> Self {
+        match () {
+            () if is_in_span && in_span != StartInSpan::FromAbove => Self::Cuts,
+            () if is_lifted => Self::FromAbove,
+            () => Self::NotLifted,
+        }
+    }
+
+    /// What has to be done before the run, for people.
+    fn before(self) -> Option<&'static str> {
+        match self {
+            Self::FromAbove => None,
+            Self::NotLifted => Some(
+                "the tool has to stand there: it comes from above only on a homed machine, with the \
+                 parameter approach: lift",
+            ),
+            Self::Cuts => Some(
+                "the tool has to stand there: Z is in the plane of compensation, so coming down would \
+                 cut",
+            ),
+        }
+    }
+}
+
+/// What a check says of a run that begins here, in parts: the words in force there, how the tool gets
+/// there, what is sent before the first element, and what is cut first.
+pub(in crate::driver) fn beginning_of(
+    path: &CompensatedPath,
+    encoder: Encoder,
+    descent: Descent,
+    approach: Option<ApproachText>,
+) -> Vec<String> {
+    let (element, event) = (encoder.next_element(), encoder.events_begun());
+    let mut parts = words_in_force(&in_force(&path.events[..event], element));
+    parts.extend(approach.map(|approach| approach.to_string()));
+    let awaited = encoder.awaited_further();
+    let (first, cut) = lines_of(encoder);
+    if !first.is_empty() {
+        parts.push(format!("first come {}", first.join(", ")));
+    }
+    if !cut.is_empty() {
+        parts.push(format!("the first cut are {}", cut.join(", ")));
+    }
+    parts.extend(awaited.map(|(letters, line)| {
+        let (is, it) = if letters.len() == 1 { ("is", "it") } else { ("are", "them") };
+        format!("{letters} {is} moved from line {line} on only: put {it} where the program begins")
+    }));
+    parts.extend(descent.before().map(str::to_owned));
+    parts
+}
+
+/// `tool T1, to be confirmed (M6)`, `offsets G55 G43 H3`, `spindle S1000 M3`, `coolant M8`.
+fn words_in_force(events: &[PathEvent]) -> Vec<String> {
+    let of = |name: &str, none: &str, word: &dyn Fn(&Action) -> Option<String>| {
+        let words: Vec<String> = events.iter().filter_map(|event| word(&event.action)).collect();
+        format!("{name} {}", if words.is_empty() { none.to_owned() } else { words.join(" ") })
+    };
+    let text = |action: &Action| Some(action.text());
+    vec![
+        of("tool", "as it is: the program has changed none before", &|action| match action {
+            Action::ChangeTool { tool } => Some(format!("T{tool}, to be confirmed (M6)")),
+            _ => None,
+        }),
+        // Every run begins with these.
+        of("offsets", "G54", &|action| match action {
+            Action::WorkOffset { system } => Some(work_system(*system)),
+            Action::ToolLength { .. } => text(action),
+            _ => None,
+        }),
+        of("spindle", "off", &|action| match action {
+            Action::SpindleSpeed { .. } | Action::Spindle(_) => text(action),
+            _ => None,
+        }),
+        of("coolant", "off", &|action| match action {
+            Action::Coolant(_) => text(action),
+            _ => None,
+        }),
+    ]
+}
+
+/// The lines before the first element, and some of those that cut, with the lines of the program.
+fn lines_of(mut encoder: Encoder) -> (Vec<String>, Vec<String>) {
+    let (mut first, mut more, mut cut) = (Vec::new(), 0, Vec::new());
+    while let Some(Ok(step)) = encoder.next_step() {
+        let line = match step {
+            EncoderStep::Line(EncodedLine { element: Some(_), text, source, .. }) => {
+                cut.push(format!("{text} (line {})", source.line));
+                if cut.len() == CUT_SHOWN {
+                    break;
+                }
+                continue;
+            }
+            EncoderStep::Probe { .. }
+            | EncoderStep::Stretch { .. }
+            | EncoderStep::UserFunction { .. } => break,
+            EncoderStep::AllowOverrides { .. }
+            | EncoderStep::CheckStart
+            | EncoderStep::CheckReturn { .. } => continue,
+            EncoderStep::Line(line) | EncoderStep::ReadInput { line } => line.text,
+            EncoderStep::Home { text, .. } => text,
+            EncoderStep::ToolChange { tool, .. } => format!("the change to T{tool}"),
+            EncoderStep::ControllerChange { tool, .. } => format!("M6T{tool}"),
+        };
+        match (cut.is_empty(), first.len() < SHOWN_MAX) {
+            (true, true) => first.push(line),
+            (true, false) => more += 1,
+            (false, _) => cut.push(line),
+        }
+        if cut.len() == CUT_SHOWN {
+            break;
+        }
+    }
+    if more > 0 {
+        first.push(format!("and {more} more"));
+    }
+    (first, cut)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encoder::{EncoderConfig, start_at};
+    use cnc_msgs::contour::{Action, CoolantMode, Source, SpindleMode};
+    use cnc_msgs::geometry::{AxisSet, Shape};
+    use cnc_msgs::path::{PathElement, PathEvent, Role};
+    use std::sync::Arc;
+
+    #[test]
+    fn the_tool_comes_down_only_where_that_cuts_nothing() {
+        use StartInSpan::{FromAbove, Refused, Standing};
+        for (is_lifted, is_in_span, in_span, expected) in [
+            (true, false, Refused, Descent::FromAbove),
+            (true, true, FromAbove, Descent::FromAbove),
+            (true, true, Standing, Descent::Cuts),
+            // The control's answer is about another place than the path's.
+            (true, false, Standing, Descent::FromAbove),
+            (false, false, Refused, Descent::NotLifted),
+            (false, true, FromAbove, Descent::NotLifted),
+            (false, true, Standing, Descent::Cuts),
+        ] {
+            let descent = Descent::of(is_lifted, is_in_span, in_span);
+            assert_eq!(descent, expected, "{is_lifted} {is_in_span} {in_span:?}");
+            let stands =
+                descent.before().is_some_and(|it| it.starts_with("the tool has to stand there"));
+            assert_eq!(stands, expected != Descent::FromAbove);
+        }
+    }
+
+    #[test]
+    fn of_many_lines_before_the_first_element_ten_are_shown() {
+        let beginning = |offsets: u32| {
+            let element = |line, x| PathElement {
+                shape: Shape::Line,
+                end: [x, 0.0, 0.0],
+                feed_mm_per_min: Some(600.0),
+                role: Role::None,
+                side: None,
+                axes: AxisSet::ALL,
+                source: Source { line, ..Source::default() },
+            };
+            let events = (0..offsets).map(|number| PathEvent {
+                at_element: 0,
+                action: Action::SetWorkOffset {
+                    system: 1,
+                    axes: AxisSet::ALL,
+                    origin: [f64::from(number), 0.0, 0.0],
+                    by_position: false,
+                },
+                source: Source { line: 1, ..Source::default() },
+            });
+            let path = CompensatedPath {
+                elements: vec![element(2, 10.0), element(3, 20.0)],
+                events: events.collect(),
+                ..CompensatedPath::default()
+            };
+            let config = EncoderConfig::default();
+            let path = Arc::new(path);
+            let started = start_at(path.clone(), config, (3, 0), StartInSpan::Refused);
+            let (encoder, _) = started.expect("it begins");
+            let parts = beginning_of(&path, encoder, Descent::FromAbove, None);
+            parts
+                .into_iter()
+                .find(|part| part.starts_with("first come "))
+                .expect("lines come first")
+        };
+        let few = beginning(2);
+        assert!(!few.contains(" more"), "{few}");
+        let shown = few.split(", ").count();
+        let many = beginning(1000);
+        assert_eq!(many.split(", ").count(), SHOWN_MAX + 1, "{many}");
+        let rest = shown + 998 - SHOWN_MAX;
+        assert!(many.ends_with(&format!(", and {rest} more")), "{many}");
+    }
+
+    #[test]
+    fn what_is_in_force_and_what_is_cut_first_is_said_in_parts() {
+        let element = |line, x| PathElement {
+            shape: Shape::Line,
+            end: [x, 0.0, -1.0],
+            feed_mm_per_min: Some(600.0),
+            role: Role::None,
+            side: None,
+            axes: AxisSet::ALL,
+            source: Source { line, ..Source::default() },
+        };
+        let event = |action| {
+            let source = Source { line: 1, ..Source::default() };
+            PathEvent { at_element: 0, action, source }
+        };
+        let events = [
+            Action::ChangeTool { tool: 3 },
+            Action::WorkOffset { system: 2 },
+            Action::ToolLength { offset: Some(3), length_mm: 50.0, second: None },
+            Action::SpindleSpeed { rpm: 900.0 },
+            Action::Spindle(SpindleMode::Clockwise),
+            Action::Coolant(CoolantMode::Flood),
+        ];
+        let path = Arc::new(CompensatedPath {
+            elements: (2..8).map(|line| element(line, f64::from(line))).collect(),
+            events: events.map(event).to_vec(),
+            ..CompensatedPath::default()
+        });
+        let started =
+            start_at(path.clone(), EncoderConfig::default(), (4, 0), StartInSpan::Refused);
+        let (encoder, _) = started.expect("it begins");
+        let parts = beginning_of(&path, encoder, Descent::NotLifted, None);
+        assert_eq!(
+            parts,
+            [
+                "tool T3, to be confirmed (M6)",
+                "offsets G55 G43 H3",
+                "spindle S900 M3",
+                "coolant M8",
+                "first come M5, the change to T3, G55, G43.1Z50, S900, M3, M8",
+                "the first cut are G1X4Y0Z-1F600 (line 4), X5Y0Z-1 (line 5), X6Y0Z-1 (line 6)",
+                Descent::NotLifted.before().expect("it has to stand there"),
+            ]
+        );
+    }
+}
