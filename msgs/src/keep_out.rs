@@ -77,6 +77,8 @@ pub enum KeepOutError {
     NoSize { name: String, letter: char, min: f64, max: f64 },
     #[error("a box has no name, or a name with a control character: {name:?}")]
     Name { name: String },
+    #[error("keep_out has no boxes: write at least one, or leave the file out")]
+    NoBoxes,
     #[error("there are {count} boxes; at most {BOXES_MAX} are accepted")]
     TooMany { count: usize },
 }
@@ -88,17 +90,20 @@ impl KeepOutError {
             Self::Coordinate { name, .. } | Self::NoSize { name, .. } | Self::Name { name } => {
                 Some(name)
             }
-            Self::TooMany { .. } => None,
+            Self::NoBoxes | Self::TooMany { .. } => None,
         }
     }
 }
 
 impl KeepOut {
-    /// Whether every box is one.
+    /// Whether there are boxes, and every one is one.
     ///
     /// # Errors
-    /// The first one that is not.
+    /// There are none: who names a file means to have some. Or the first one that is not.
     pub fn check(&self) -> Result<(), KeepOutError> {
+        if self.keep_out.is_empty() {
+            return Err(KeepOutError::NoBoxes);
+        }
         if self.keep_out.len() > BOXES_MAX {
             return Err(KeepOutError::TooMany { count: self.keep_out.len() });
         }

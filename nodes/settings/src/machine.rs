@@ -117,7 +117,11 @@ mod tests {
         }
         let read = keep_out_from_yaml(head, "k.yaml").expect("a box");
         assert_eq!(read.keep_out["vice"].frame, Frame::Machine);
-        assert!(keep_out_from_yaml("{}", "k.yaml").expect("none").keep_out.is_empty());
+        let none = "keep_out has no boxes: write at least one, or leave the file out";
+        for (text, place) in [("{}", "k.yaml"), ("# G54\nkeep_out: {}\n", "k.yaml:2")] {
+            let error = keep_out_from_yaml(text, "k.yaml").expect_err(text).to_string();
+            assert_eq!(error, format!("{place}: {none}"));
+        }
     }
 
     #[test]
