@@ -1,5 +1,6 @@
 //! The cables between driver and controller: each carries a program, and each fails in its ways.
 
+mod fault_rows;
 mod rig;
 
 use axis_driver::codes::error_code;

@@ -31,16 +31,25 @@ pub(crate) struct Board {
 impl Board {
     /// One that listens there (a pseudo-terminal without), with a session that outlives its client.
     pub(crate) fn start(listen: Option<&str>, firmware: Firmware, keeps_session: Duration) -> Self {
+        Self::with(listen, firmware, |options| options.keeps_session = keeps_session)
+    }
+
+    /// The same with other options.
+    pub(crate) fn with(
+        listen: Option<&str>,
+        firmware: Firmware,
+        change: impl FnOnce(&mut ServeOptions),
+    ) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let listen = listen.map(|url| url.parse().expect("a URL"));
         let settings = Settings::small_router_of(firmware);
-        let options = ServeOptions {
+        let mut options = ServeOptions {
             timing: LineTiming { baud: None, time_factor: TIME_FACTOR, scales_bytes: false },
             listen,
-            keeps_session,
             report: Some(folder.path().join("report.json")),
             ..ServeOptions::new(Build::new(settings))
         };
+        change(&mut options);
         let (handle, stop) = virtual_controller::stop_pair().expect("a pipe");
         let (ready, url) = sync_channel(1);
         let thread = std::thread::spawn(move || {

@@ -256,6 +256,7 @@ fn way(from: [f64; 6], to: [f64; 6]) -> f64 {
 /// `KERF_WATCH_DAMAGES=1000000 cargo test -p kerf_tests --test path_watch damage` damages more, from
 /// `KERF_WATCH_SEED` on, and writes a table.
 #[test]
+#[allow(clippy::print_stdout, reason = "a run of hours says how far it is")]
 fn no_damage_takes_the_axes_off_their_path_for_longer_than_a_report() {
     let wanted = number("KERF_WATCH_DAMAGES", 600.0);
     let mut tallies = BTreeMap::new();

@@ -209,6 +209,7 @@ const RIGS: u64 = 0x9E37_79B9;
 /// `KERF_WATCH_HOURS=1000 cargo test -p kerf_tests --test path_watch wrong` goes on for so long, machine
 /// time, from `KERF_WATCH_SEED` on.
 #[test]
+#[allow(clippy::print_stdout, reason = "a run of hours says how far it is")]
 fn nothing_is_held_where_nothing_is_wrong() {
     let wanted = number("KERF_WATCH_HOURS", 0.0);
     let first = number("KERF_WATCH_SEED", 1.0) as u64;
