@@ -3,8 +3,8 @@
 //! `reach` finds what the tool does not fit into, `walls` what bounds it (`self_meeting`: where the
 //! contour meets itself, `retraced_runs`: what it cuts more than once), `interference` where the
 //! tool cuts into that, and `lead` the same for leads. `trim` leaves out what does not fit, and
-//! `uncut` outlines what that leaves. `certificate` finds the valid radii (`limit_search`: in few
-//! trials). `finding` puts it all into words.
+//! `uncut` outlines what that leaves. `certificate` finds the valid radii. `finding` puts it all
+//! into words.
 //!
 //! Nothing here writes a path.
 
@@ -12,7 +12,6 @@ pub(crate) mod certificate;
 pub(crate) mod finding;
 pub(crate) mod interference;
 pub(crate) mod lead;
-mod limit_search;
 pub(crate) mod reach;
 mod repeated_passes;
 mod retraced_runs;

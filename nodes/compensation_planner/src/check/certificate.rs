@@ -7,7 +7,6 @@
 
 use crate::check::interference::{self, Cut, Joined};
 use crate::check::lead;
-use crate::check::limit_search::last_that_holds;
 use crate::check::reach::{Unreachable, consumed, is_any_unreachable, left_of};
 use crate::check::repeated_passes::without_repetitions;
 use crate::check::walls::{Layout, Walls};
@@ -393,42 +392,45 @@ impl<'a> Subject<'a> {
         let exact = self.leads_free_to(&walls, limit_mm, LEAD_TOUCH_MM)?;
         // If a contour closes with the noise of its coordinates, leads cut a little into it.
         let at = planned.min(limit_mm);
-        let cuts = |end: &LeadEnd| self.lead_cuts_by(*end, &walls, at, GOUGE_MM).is_some();
-        if exact < planned && !LeadEnd::BOTH.iter().any(cuts) {
+        let is_free = |end: &LeadEnd| self.is_lead_free(*end, &walls, at, GOUGE_MM);
+        if exact < planned && LeadEnd::BOTH.iter().all(is_free) {
             return self.leads_free_to(&walls, limit_mm, GOUGE_MM);
         }
         Some(exact)
     }
 
     fn leads_free_to(&self, walls: &Walls<'_>, limit_mm: f64, touch_mm: f64) -> Option<f64> {
-        let high = limit_mm.min(RADIUS_MM_MAX);
-        let cuts_by = |end: LeadEnd, radius| self.lead_cuts_by(end, walls, radius, touch_mm);
+        let mut high = limit_mm.min(RADIUS_MM_MAX);
+        let is_free = |end: LeadEnd, radius| self.is_lead_free(end, walls, radius, touch_mm);
         // A lead that is free for the largest radius is free for all.
-        let limiting = LeadEnd::BOTH.map(|end| cuts_by(end, high).map(|by| (end, by)));
-        let limiting = limiting.into_iter().flatten();
-        let Some(by) = limiting.clone().map(|(_, by)| by).reduce(f64::max) else {
+        let mut limiting = LeadEnd::BOTH.to_vec();
+        limiting.retain(|end| !is_free(*end, high));
+        if limiting.is_empty() {
             return Some(limit_mm);
-        };
-        last_that_holds((0.0, (high, by)), EXACT_MM, self.goes_on, |radius| {
-            limiting.clone().filter_map(|(end, _)| cuts_by(end, radius)).reduce(f64::max)
-        })
+        }
+        let mut low = 0.0;
+        while high - low > EXACT_MM {
+            if !(self.goes_on)() {
+                return None;
+            }
+            let middle = f64::midpoint(low, high);
+            if limiting.iter().all(|end| is_free(*end, middle)) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        Some(low)
     }
 
-    /// How much too near the move to the contour, or from it, comes to its walls, mm; infinite if there
-    /// is no such move, `None` if it keeps clear of them.
-    fn lead_cuts_by(
-        &self,
-        at: LeadEnd,
-        walls: &Walls<'_>,
-        radius_mm: f64,
-        touch_mm: f64,
-    ) -> Option<f64> {
+    /// Whether the move to the contour, or from it, keeps clear of its walls.
+    fn is_lead_free(&self, at: LeadEnd, walls: &Walls<'_>, radius_mm: f64, touch_mm: f64) -> bool {
         let is_on = at == LeadEnd::On;
         let lead = match at {
             LeadEnd::On => Some(&self.span.entry.lead).filter(|_| !self.span.entry.is_link),
             LeadEnd::Off => self.lead_off,
         };
-        let lead = lead?;
+        let Some(lead) = lead else { return true };
         let scale = radius_mm / self.span.d_mm.abs();
         let count = self.all.len().min(END_RUNS);
         let runs = if is_on { &self.all[..count] } else { &self.all[self.all.len() - count..] };
@@ -436,7 +438,7 @@ impl<'a> Subject<'a> {
         let links = links.of(runs);
         let placed = join(links, 0.0);
         if is_any_unreachable(links, &placed, self.profile.accept_tolerance_mm) {
-            return Some(f64::INFINITY);
+            return false;
         }
         let joined = Joined { links, placed: &placed, corners: self.corners() };
         let plane = self.span.plane;
@@ -446,7 +448,7 @@ impl<'a> Subject<'a> {
                 if self.span.entry.arc.is_some() && lead::arc_on(&joined).is_none()
                     || lead::starts_past(&joined).is_some() =>
             {
-                return Some(f64::INFINITY);
+                return false;
             }
             LeadEnd::On => {
                 let path = lead::LeadPath::on(&joined, in_plane(plane, lead.start));
@@ -457,14 +459,13 @@ impl<'a> Subject<'a> {
                 (path, lead::FreeEnd::last(walls), self.span.d_out_mm.abs() * scale)
             }
         };
-        let path = path?;
-        let limit_mm = radius_mm - touch_mm;
-        let cuts_by = |is_above: &dyn Fn(usize) -> bool| {
-            let gouge = path.cuts(walls, end, limit_mm, is_above).gouge;
-            gouge.map(|(_, near)| limit_mm - near.distance)
+        let Some(path) = path else { return true };
+        let cuts = |is_above: &dyn Fn(usize) -> bool| {
+            path.cuts(walls, end, radius_mm - touch_mm, is_above).gouge.is_some()
         };
-        cuts_by(&|_| false)?;
-        let below = lead::Below::of(self.span, self.all, walls, lead, self.profile);
-        cuts_by(&|run| below.is(walls, run))
+        !cuts(&|_| false) || {
+            let below = lead::Below::of(self.span, self.all, walls, lead, self.profile);
+            !cuts(&|run| below.is(walls, run))
+        }
     }
 }
