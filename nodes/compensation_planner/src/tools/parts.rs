@@ -50,7 +50,8 @@ impl<'a> PartCutter<'a> {
             return None;
         }
         self.seen = 0;
-        let events = std::mem::take(&mut contour.events);
+        let next = Vec::with_capacity(contour.events.len());
+        let events = std::mem::replace(&mut contour.events, next);
         let start = contour.start;
         let events = ProgrammedContour { events, start, ..Default::default() };
         Some(ContourPart { events, is_last: false })
