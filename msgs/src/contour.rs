@@ -304,6 +304,19 @@ impl Action {
         matches!(self, Self::Home { axes } if *axes == AxisSet::ALL || axes.is_empty())
     }
 
+    /// Whether the axes A to W of its block belong to it: it goes to another frame, or sets one.
+    pub fn takes_further(&self) -> bool {
+        matches!(
+            self,
+            Self::MachineMove { .. } | Self::Reference { .. } | Self::SetWorkOffset { .. }
+        )
+    }
+
+    /// Whether all axes A to W are elsewhere after it, or count from another zero.
+    pub fn loses_further(&self) -> bool {
+        matches!(self, Self::WorkOffset { .. }) || self.homes_all()
+    }
+
     /// The canonical word: `S80`, `M3`, `G4 P0.5`.
     pub fn text(&self) -> String {
         match *self {

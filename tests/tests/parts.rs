@@ -3,8 +3,7 @@
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::node::parts::PartsVerdict;
-use compensation_planner::node::threads::Threads;
-use compensation_planner::{Planning, judge};
+use compensation_planner::{Alone, Planning, judge};
 use kerf_tests::{files, root};
 use program_loader::{LoadOptions, load, load_in_parts};
 use settings::Control;
@@ -25,9 +24,9 @@ fn accepts_in_parts(
     tools: &ToolTable,
     part_events: usize,
 ) -> (bool, usize) {
-    let (workers, mut taken) = (Threads::all(), 0);
+    let mut taken = 0;
     let is_accepted = std::thread::scope(|scope| {
-        let mut parts = PartsVerdict::new(scope, profile, tools, &workers);
+        let mut parts = PartsVerdict::new(scope, profile, tools, &Alone);
         let loaded =
             load_in_parts(text, profile, &LoadOptions::default(), part_events, &mut |contour| {
                 parts.take(contour);

@@ -42,8 +42,7 @@ impl CompensatedPath {
                     Some(owner) => place.lose(axes, &owner),
                     None => place.arrive(axes),
                 },
-                Action::WorkOffset { .. } => place.lose(place.at, &event.action),
-                action if action.homes_all() => place.lose(place.at, &action),
+                action if action.loses_further() => place.lose(place.at, &action),
                 _ => {}
             }
         }
@@ -55,11 +54,8 @@ impl CompensatedPath {
         let (event, next) = (self.events.get(index)?, self.events.get(index + 1)?);
         let along =
             matches!(event.action, Action::Further(FurtherMove { mode: FurtherMode::Along, .. }));
-        let owns = matches!(
-            next.action,
-            Action::MachineMove { .. } | Action::Reference { .. } | Action::SetWorkOffset { .. }
-        );
-        (along && owns && next.source == event.source).then_some(next.action)
+        let owns = next.action.takes_further() && next.source == event.source;
+        (along && owns).then_some(next.action)
     }
 
     /// The further axes that events from this one on give in the work frame, up to an element and along

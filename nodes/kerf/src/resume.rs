@@ -141,8 +141,8 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
     }
     let goal =
         RunProgramGoal { program_id, start_line: line, check_only: false, occurrence, revision };
-    let told = told(planned, &checked(node, goal.clone()).await?);
-    told.iter().for_each(|part| println!("  {part}"));
+    let rows = rows_of(planned, &checked(node, goal.clone()).await?);
+    rows.iter().for_each(|row| println!("  {row}"));
     if let Some(page) = page {
         let path = newest_there(&mut paths, |it| it.revision).await;
         let path = path.filter(|it| (&it.program_id, it.revision) == (&goal.program_id, revision));
@@ -152,7 +152,7 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
             return Err(Failure::new(Status::NoAnswer, "the planner shows no path to draw"));
         };
         let manifests = Manifests { program, contour, path };
-        draw(node, page, &manifests, (line, occurrence), &told).await?;
+        draw(node, page, &manifests, (line, occurrence), &rows).await?;
     }
     let first = obstacles(&state);
     if !first.is_empty() {
@@ -202,7 +202,7 @@ async fn planned_start(
 }
 
 /// What will be done, a row each: what the planner says, and the parts of what the driver says.
-fn told(planned: String, checked: &str) -> Vec<String> {
+fn rows_of(planned: String, checked: &str) -> Vec<String> {
     std::iter::once(planned).chain(checked.split("; ").map(str::to_owned)).collect()
 }
 
@@ -254,7 +254,7 @@ async fn draw(
     page: OutputFile,
     manifests: &Manifests,
     (line, occurrence): (u32, u32),
-    told: &[String],
+    rows: &[String],
 ) -> Result<(), Failure> {
     let fetched = fetched(node, manifests).await.map_err(|why| {
         Failure::new(Status::NoAnswer, format!("the page cannot be drawn: {why}"))
@@ -267,7 +267,7 @@ async fn draw(
         path: &fetched.path,
         line,
         occurrence,
-        told,
+        rows,
     };
     page.write(|to| start.page().write_html(to))
 }

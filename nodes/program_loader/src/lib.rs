@@ -16,6 +16,7 @@
 //! G97 are accepted and have no effect, because a driver plans its own path.
 //! M100 to M199 are functions of the machine.
 
+mod appended;
 mod block;
 mod bounds;
 mod curve;

@@ -5,7 +5,7 @@
 //! text with one hash, as with subroutines and parameter files: it is recorded whole and replayed without
 //! the machine.
 
-use crate::without_filler;
+use crate::appended::{Appended, append, find};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::probing::{Measured, ProbeResult};
 use std::fmt::Write;
@@ -20,27 +20,18 @@ pub fn with_results(text: &[u8], Measured { probes, inputs }: &Measured) -> Vec<
     if count == 0 {
         return program.to_vec();
     }
-    // What fills the last block of a sender would no longer be at the end.
-    let mut all = without_filler(program).to_vec();
-    if all.last().is_some_and(|&last| last != b'\n') {
-        all.push(b'\n');
-    }
-    let mut section = format!("{BEGIN}{count})\n");
+    let mut rows = String::new();
     for ProbeResult { has_touched, contact, stands } in probes {
         let [x, y, z] = contact;
-        let _ = write!(
-            section,
-            "({} {x:?} {y:?} {z:?}",
-            if *has_touched { "touched" } else { "missed" }
-        );
+        let _ =
+            write!(rows, "({} {x:?} {y:?} {z:?}", if *has_touched { "touched" } else { "missed" });
         let [x, y, z] = stands;
-        let _ = writeln!(section, ", stands {x:?} {y:?} {z:?})");
+        let _ = writeln!(rows, ", stands {x:?} {y:?} {z:?})");
     }
     for value in inputs {
-        let _ = writeln!(section, "(read {value})");
+        let _ = writeln!(rows, "(read {value})");
     }
-    all.extend_from_slice(section.as_bytes());
-    all
+    append(program, BEGIN, count, &rows)
 }
 
 /// The program, and the results at the end of its text. Something like them that is not whole belongs to
@@ -50,18 +41,8 @@ pub(crate) fn split(text: &[u8]) -> (&[u8], Measured) {
 }
 
 fn section(text: &[u8]) -> Option<(&[u8], Measured)> {
-    // Most programs have none, and end with something else.
-    let last = text.strip_suffix(b"\n")?;
-    let last = &last[memchr::memrchr(b'\n', last).map_or(0, |at| at + 1)..];
-    if ![&b"(touched "[..], b"(missed ", b"(read "].iter().any(|word| last.starts_with(word)) {
-        return None;
-    }
-    let at = memchr::memmem::rfind(text, BEGIN.as_bytes())?;
-    if at > 0 && text[at - 1] != b'\n' {
-        return None;
-    }
-    let mut rows = std::str::from_utf8(&text[at..]).ok()?.lines();
-    let count = rows.next()?.strip_prefix(BEGIN)?.strip_suffix(')')?;
+    let Appended { program, count, rows } =
+        find(text, BEGIN, &["(touched ", "(missed ", "(read "])?;
     let mut measured = Measured::default();
     for row in rows {
         match row.strip_prefix("(read ") {
@@ -71,8 +52,8 @@ fn section(text: &[u8]) -> Option<(&[u8], Measured)> {
             None => return None,
         }
     }
-    let is_whole = count.parse() == Ok(measured.probes.len() + measured.inputs.len());
-    is_whole.then_some((&text[..at], measured))
+    let is_whole = count == measured.probes.len() + measured.inputs.len();
+    is_whole.then_some((program, measured))
 }
 
 fn result(row: &str) -> Option<ProbeResult> {
@@ -95,6 +76,7 @@ fn position(text: &str) -> Option<Position> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::without_filler;
 
     fn found(has_touched: bool, z: f64) -> ProbeResult {
         ProbeResult { has_touched, contact: [1.0, -2.5, z], stands: [1.0, -2.5, z - 0.01] }

@@ -4,8 +4,9 @@
 //! are become a part of its text, as values of a parameter file do: what was loaded is one text with one hash, which is
 //! recorded whole and replayed without the table. Other programs stay as they are.
 
+use crate::appended::{Appended, append, find};
 use crate::limits::PROGRAM_BYTES_MAX;
-use crate::{LoadOptions, Loaded, load, without_filler};
+use crate::{LoadOptions, Loaded, load};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::{Tool, ToolTable};
 use std::borrow::Cow;
@@ -62,22 +63,13 @@ pub fn load_with_tools<'t>(
 
 /// The text with these rows. One that would be too long stays as it is.
 fn with_tools(text: &[u8], tools: &ToolTable) -> Vec<u8> {
-    let (program, _) = split(text);
-    // What fills the last block of a sender would no longer be at the end.
-    let mut all = without_filler(program).to_vec();
-    if all.last().is_some_and(|&last| last != b'\n') {
-        all.push(b'\n');
-    }
-    let mut section = format!("{BEGIN}{})\n", tools.tools.len());
+    let mut rows = String::new();
     for (number, tool) in &tools.tools {
         let ToolRow { length_mm, diameter_mm, tip_direction } = tool.into();
-        let _ = writeln!(section, "(T{number} {length_mm:?} {diameter_mm:?} {tip_direction})");
+        let _ = writeln!(rows, "(T{number} {length_mm:?} {diameter_mm:?} {tip_direction})");
     }
-    if all.len() + section.len() > PROGRAM_BYTES_MAX {
-        return text.to_vec();
-    }
-    all.extend_from_slice(section.as_bytes());
-    all
+    let all = append(split(text).0, BEGIN, tools.tools.len(), &rows);
+    if all.len() > PROGRAM_BYTES_MAX { text.to_vec() } else { all }
 }
 
 /// The program, and the rows at the end of its text, if there are any. Something like them that is not whole belongs to
@@ -87,20 +79,10 @@ pub(crate) fn split(text: &[u8]) -> (&[u8], Option<ToolRows>) {
 }
 
 fn section(text: &[u8]) -> Option<(&[u8], ToolRows)> {
-    // Most programs have none, and end with something else.
-    let last = text.strip_suffix(b"\n")?;
-    let last = &last[memchr::memrchr(b'\n', last).map_or(0, |at| at + 1)..];
-    if !last.starts_with(b"(T") && !last.starts_with(BEGIN.as_bytes()) {
-        return None;
-    }
-    let at = memchr::memmem::rfind(text, BEGIN.as_bytes())?;
-    if at > 0 && text[at - 1] != b'\n' {
-        return None;
-    }
-    let mut lines = std::str::from_utf8(&text[at..]).ok()?.lines();
-    let count = lines.next()?.strip_prefix(BEGIN)?.strip_suffix(')')?;
-    let rows: ToolRows = lines.map(row).collect::<Option<_>>()?;
-    (count.parse() == Ok(rows.len())).then_some((&text[..at], rows))
+    // Without a tool there is the first line alone.
+    let Appended { program, count, rows } = find(text, BEGIN, &["(T", BEGIN])?;
+    let rows: ToolRows = rows.map(row).collect::<Option<_>>()?;
+    (count == rows.len()).then_some((program, rows))
 }
 
 fn row(line: &str) -> Option<(u32, ToolRow)> {

@@ -1,9 +1,8 @@
 //! Plans and proves the parts of a contour while it is still being read, each step on a thread of
 //! its own.
 
-use crate::node::threads::Threads;
 use crate::tools::parts::{ContourPart, PartCutter, PartPlanner, PartProof};
-use crate::walk::plan::Plan;
+use crate::walk::plan::{Plan, Workers};
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
@@ -28,7 +27,7 @@ impl<'scope> PartsVerdict<'scope> {
         scope: &'scope Scope<'scope, '_>,
         profile: &'scope Profile,
         tools: &'scope ToolTable,
-        workers: &'scope Threads,
+        workers: &'scope dyn Workers,
     ) -> Self {
         let (parts, to_plan) = sync_channel(WAITING_MAX);
         let (plans, to_prove) = sync_channel(WAITING_MAX);

@@ -1,7 +1,7 @@
 //! The arc that leads the tool to the contour, as LinuxCNC makes it of a programmed one.
 //!
-//! It begins where the programmed arc does, with the tool there, and ends one radius beside its end,
-//! at a tangent to it. Both have the same turn. `rules` says what a program is told that has none.
+//! It begins where the programmed arc does, with the tool there, and ends one radius beside its end, at a
+//! tangent to it. Both have the same turn. Where there is no such arc, `rules` refuses the program.
 
 use crate::geometry::element::{Arc, swept};
 use crate::geometry::tolerance::{LEAD_ARC_RADIUS_MM_MAX, LENGTH_MM, RADIUS_MM};

@@ -38,6 +38,7 @@ impl Walk<'_> {
             Action::ProgramEnd { .. } => self.end_of_program(source),
             _ => {}
         }
+        let found = self.report.findings.len();
         let rules = Rules { profile: self.profile, findings: &mut self.report.findings };
         match &mut self.state {
             WalkState::Off => self.out.action(action, source),
@@ -48,6 +49,9 @@ impl Walk<'_> {
             WalkState::Active(active) => {
                 let since = active.span.entry.lead.source;
                 let is_refused = rules.action(&action, source, since);
+                if let Some((_, cancelled)) = active.cancel {
+                    rules::before_lead_off(&mut self.report.findings[found..], cancelled);
+                }
                 if is_refused && matches!(action, Action::ChangeTool { .. }) {
                     self.refused_tool = Some(source);
                 }

@@ -78,7 +78,7 @@ impl Default for Planning<'_> {
 }
 
 /// Does several pieces of work at the same time: a core has no threads of its own.
-pub trait Workers: std::fmt::Debug {
+pub trait Workers: std::fmt::Debug + Sync {
     /// Does each piece of work from 0 to `count` once, in any order.
     fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync));
 }

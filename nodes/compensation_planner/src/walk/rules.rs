@@ -310,6 +310,17 @@ impl Rules<'_> {
     }
 }
 
+/// What is to be done about actions between a cancel and its move, which have been reported.
+pub(crate) fn before_lead_off(findings: &mut [Finding], cancelled: Source) {
+    for finding in findings {
+        finding.help = format!(
+            "put a move in the plane before it: the cancel in line {} takes effect with that move",
+            cancelled.line
+        );
+        finding.other = Some(cancelled);
+    }
+}
+
 /// An action by the name that users know, whatever the program's words are.
 fn name(action: &Action) -> String {
     match action {

@@ -21,24 +21,24 @@ pub(crate) struct StartInTheMiddle<'a> {
     /// Which time that line is run; 0: the only one.
     pub(crate) occurrence: u32,
     /// What will be done, in the words of planner and driver.
-    pub(crate) told: &'a [String],
+    pub(crate) rows: &'a [String],
 }
 
 impl<'a> StartInTheMiddle<'a> {
     /// Its page.
     pub(crate) fn page(&self) -> Page<'a> {
-        let Self { name, text, contour, profile, path, line, occurrence, told } = *self;
+        let Self { name, text, contour, profile, path, line, occurrence, rows } = *self;
         let view = View::of(contour, profile);
         let first = path.entry(line, occurrence).map_or(path.elements.len(), |entry| entry.element);
         let (before, rest) = path.elements.split_at(first);
         let start = path.start_of(first);
         let source = path.elements.get(first).map_or(Source::default(), |first| first.source);
-        let approach = told.iter().find_map(|part| part.parse::<ApproachText>().ok());
+        let approach = rows.iter().find_map(|row| row.parse::<ApproachText>().ok());
         let mut sheet = Sheet::new(name.to_owned(), view, Cow::Borrowed(text));
         sheet.good = true;
         sheet.verdict = format!("begins with line {line}");
         // The time to the end; the rest is long, and stands at the start.
-        sheet.summary = told.get(1).cloned().unwrap_or_default();
+        sheet.summary = rows.get(1).cloned().unwrap_or_default();
         sheet.call(&contour.calls);
         sheet.turn(contour, view);
         sheet.layers = vec![
@@ -53,7 +53,7 @@ impl<'a> StartInTheMiddle<'a> {
             line,
             at: Some(view.project(at)),
         };
-        sheet.pins.push(pin(&format!("start, line {line}"), told.join("\n"), line, start));
+        sheet.pins.push(pin(&format!("start, line {line}"), rows.join("\n"), line, start));
         if let Some((it, (from, height))) = approach.and_then(|it| Some((it, it.from?))) {
             let [x, y, z] = from;
             let text = format!("X{x:.3} Y{y:.3} Z{z:.3}");

@@ -39,13 +39,11 @@ pub(crate) fn strips(contour: &ProgrammedContour) -> Vec<Strip> {
         let mut go = |axes: FurtherAxes, at: &mut FurtherAxes| {
             let (from, to) = (blocks as f64, (blocks + 1) as f64);
             for (axis, value) in axes.iter() {
-                match at.get(axis) {
-                    Some(before) => {
-                        let piece = pieces[axis].last_mut().expect("a known axis has one");
-                        piece.push((from, before, line));
-                        piece.push((to, value, line));
+                match (at.get(axis), pieces[axis].last_mut()) {
+                    (Some(before), Some(piece)) => {
+                        piece.extend([(from, before, line), (to, value, line)]);
                     }
-                    None => pieces[axis].push(vec![(to, value, line)]),
+                    _ => pieces[axis].push(vec![(to, value, line)]),
                 }
                 *at = at.with(axis, value);
             }
@@ -58,13 +56,10 @@ pub(crate) fn strips(contour: &ProgrammedContour) -> Vec<Strip> {
             },
             ContourEventKind::Motion(_) => go(std::mem::take(&mut along), &mut at),
             ContourEventKind::Action(action) => {
-                let lost = match action {
-                    Action::MachineMove { .. }
-                    | Action::Reference { .. }
-                    | Action::SetWorkOffset { .. } => std::mem::take(&mut along),
-                    Action::WorkOffset { .. } => at,
-                    action if action.homes_all() => at,
-                    _ => FurtherAxes::NONE,
+                let lost = match () {
+                    () if action.takes_further() => std::mem::take(&mut along),
+                    () if action.loses_further() => at,
+                    () => FurtherAxes::NONE,
                 };
                 at = close(&mut pieces, at, lost, blocks, line);
             }

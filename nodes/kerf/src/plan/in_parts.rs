@@ -4,7 +4,6 @@ use super::Planned;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::node::parts::PartsVerdict;
-use compensation_planner::node::threads::Threads;
 use compensation_planner::{Planning, Verdict};
 use program_loader::{LoadOptions, load_in_parts};
 
@@ -23,9 +22,8 @@ impl Planned {
         options: &LoadOptions,
         planning: Planning<'_>,
     ) -> Self {
-        let workers = Threads::all();
         let (mut loaded, is_accepted) = std::thread::scope(|scope| {
-            let mut parts = PartsVerdict::new(scope, profile, tools, &workers);
+            let mut parts = PartsVerdict::new(scope, profile, tools, planning.workers);
             let mut loaded = load_in_parts(text, profile, options, PART_EVENTS, &mut |contour| {
                 parts.take(contour);
             });
