@@ -58,6 +58,28 @@ fn a_program_that_reads_the_tool_table_is_read_again_when_it_changes() {
         let _may_be_read_meanwhile = machine.kerf(&["run"]);
         stands("X7.500").then_some(())
     });
+    // With a table that it cannot be read with it is not run at all; the next table may be a better one.
+    machine.folder.file("inverse.ngc", "G21 G90 G94\nM61 Q2\nG1 X[1/[#5410-8.5]] F2000\nM30\n");
+    machine.kerf(&["run", "inverse.ngc"]).expect(0);
+    assert!(stands("X-1.000"));
+    machine.kerf(&["tool", "T2", "--wear", "0.5"]).expect(0);
+    machine::until("it is withdrawn", || {
+        let running = machine.kerf_meanwhile(&["run"]);
+        while !running.is_finished() {
+            if stands("PROGRAM_STOP: this program cannot be read with the new tool table") {
+                machine.kerf(&["resume"]).expect(0);
+                running.join().expect("it only runs a command").expect(0);
+                return Some(());
+            }
+        }
+        None
+    });
+    assert!(stands("X-1.000"));
+    machine.kerf(&["tool", "T2", "--wear", "0"]).expect(0);
+    machine::until("it is there again", || {
+        let _may_be_read_meanwhile = machine.kerf(&["run"]);
+        stands("X-2.000").then_some(())
+    });
     machine.folder.file("other.ngc", "G21 G90 G94\nM61 Q3\nG1 X#5410 F2000\nM30\n");
     let says = "#5410 is a value of T3, which is not in the tool table";
     machine.kerf(&["load", "other.ngc"]).expect(4).says(&[says, "add T3 to the tool table"]);

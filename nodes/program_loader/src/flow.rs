@@ -11,7 +11,7 @@ mod statement;
 
 use crate::block::Programs;
 use crate::findings::Findings;
-use crate::limits::FlowLimits;
+use crate::limits::{FlowLimits, TimeLimit};
 use crate::line::Line;
 use crate::parameters::ARGUMENTS;
 use crate::subroutines::{file_starts, is_file_name};
@@ -26,6 +26,10 @@ use scene::{Scene, Stopped};
 use statement::Keyword;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
+
+/// Lines between two looks at the clock.
+const TIMED_LINES: u64 = 64;
 
 /// What comes after a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +51,10 @@ pub(crate) struct Flow<'t> {
     /// How programs are called by their number, where that is no O word.
     programs: Option<&'static Programs>,
     limits: FlowLimits,
+    /// Lines of the text: a program that executes no more has no loops.
+    lines: u64,
+    /// On the clock of the limits.
+    until: Option<(Duration, TimeLimit)>,
     /// The main program, then each subroutine that is running.
     frames: Vec<Frame>,
     executed: u64,
@@ -77,7 +85,10 @@ impl<'t> Flow<'t> {
                 blocks_max: limits.blocks_max.saturating_add(lines),
                 bytes_max: limits.bytes_max.saturating_add(text.len() as u64),
                 depth_max: programs.map_or(usize::MAX, |it| it.depth_max).min(limits.depth_max),
+                ..limits
             },
+            lines,
+            until: limits.time.map(|limit| ((limit.clock)().saturating_add(limit.most), limit)),
             frames: vec![Frame::default()],
             executed: 0,
             executed_bytes: 0,
@@ -113,12 +124,26 @@ impl<'t> Flow<'t> {
             () if self.executed_bytes > bytes_max => {
                 format!("more than {bytes_max} bytes of blocks have been executed")
             }
+            () if self.executed > self.lines
+                && self.executed.is_multiple_of(TIMED_LINES)
+                && self.is_late() =>
+            {
+                let most = self.limits.time.map_or(0.0, |limit| limit.most.as_secs_f64());
+                format!(
+                    "its loops and subroutines have been executed for more than {most} s, and {} blocks",
+                    self.executed
+                )
+            }
             () => return true,
         };
         let finding = Finding::error(Code::Limit, line.source(None, 0, usize::MAX), message);
         findings
             .push(finding.help("does this loop ever end? split a program that is really so long"));
         false
+    }
+
+    fn is_late(&self) -> bool {
+        self.until.is_some_and(|(until, limit)| (limit.clock)() > until)
     }
 
     /// Drops findings from this index on that were reported in an earlier pass or call.

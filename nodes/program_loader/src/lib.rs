@@ -63,7 +63,7 @@ use rules::Rules;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How a program is loaded.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct LoadOptions {
     /// Where the tool is before the first block, in the work frame, mm.
     pub start: Position,

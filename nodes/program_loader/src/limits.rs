@@ -1,5 +1,7 @@
 //! Every limit and tolerance of the loader, with its unit and its reason.
 
+use std::time::Duration;
+
 /// Bytes of a program. The events of a larger one would not fit a small machine's memory.
 pub const PROGRAM_BYTES_MAX: usize = 512 << 20;
 /// Lines of a program: one event of about 120 bytes each.
@@ -72,7 +74,7 @@ pub(crate) const CALL_NAME_BYTES_MAX: usize = 40;
 pub const LIBRARY_FILES_MAX: usize = 500;
 
 /// Limits of programs with subroutines and loops.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub struct FlowLimits {
     /// Lines that are executed, above those of the text: a loop without an end stops here. At about a hundred bytes of
     /// memory for a line that moves, and some 10 million lines a second.
@@ -82,10 +84,21 @@ pub struct FlowLimits {
     pub bytes_max: u64,
     /// Subroutines inside each other.
     pub depth_max: usize,
+    /// The time for all of it, where somebody waits.
+    pub time: Option<TimeLimit>,
 }
 
 impl Default for FlowLimits {
     fn default() -> Self {
-        Self { blocks_max: 5_000_000, bytes_max: 64 << 20, depth_max: 100 }
+        Self { blocks_max: 5_000_000, bytes_max: 64 << 20, depth_max: 100, time: None }
     }
+}
+
+/// A limit on the time that a program with subroutines and loops takes to be read. Programs without them take
+/// what their length takes.
+#[derive(Debug, Clone, Copy)]
+pub struct TimeLimit {
+    pub most: Duration,
+    /// The time since any moment.
+    pub clock: fn() -> Duration,
 }

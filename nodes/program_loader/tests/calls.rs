@@ -5,9 +5,11 @@ mod common;
 use cnc_msgs::contour::{ContourEvent, ContourEventKind};
 use cnc_msgs::finding::Code;
 use common::profile;
-use program_loader::limits::FlowLimits;
+use program_loader::limits::{FlowLimits, TimeLimit};
 use program_loader::subroutines::with_subroutines;
 use program_loader::{LoadOptions, Loaded, load, render};
+use std::cell::Cell;
+use std::time::Duration;
 
 fn loaded(text: &str) -> Loaded {
     load(text.as_bytes(), &profile("rs274"), &LoadOptions::default())
@@ -198,6 +200,34 @@ fn what_a_program_executes_is_bounded_in_blocks_bytes_and_depth() {
     assert_eq!(
         place,
         "2, in o<a>, called from line 2, in o<a>, called from line 2, in o<a>, called from line 4"
+    );
+}
+
+#[test]
+fn what_a_program_executes_is_bounded_in_time() {
+    thread_local!(static CLOCK_MS: Cell<u64> = const { Cell::new(0) });
+    // A millisecond for each look at it.
+    let clock = || Duration::from_millis(CLOCK_MS.replace(CLOCK_MS.get() + 1));
+    let refused_after = |text: &str, most_ms| {
+        let time = TimeLimit { most: Duration::from_millis(most_ms), clock };
+        refused(text, FlowLimits { time: Some(time), ..FlowLimits::default() })
+    };
+    let endless = "o1 while [1]\nG0 X1\no1 endwhile\nM2\n";
+    let (message, place) = refused_after(endless, 9);
+    assert_eq!(
+        message,
+        "its loops and subroutines have been executed for more than 0.009 s, and 640 blocks"
+    );
+    assert_eq!(place, "1, pass 213 of the loop in line 1");
+    // Lines that are executed once take their time.
+    let lines: String = (0..10_000).map(|x| format!("G1 X{x} F600\n")).collect();
+    let long = format!("o1 repeat [1]\n{lines}o1 endrepeat\nM2\n");
+    let profile = settings::load_profile("rs274").expect("a shipped profile");
+    let time = Some(TimeLimit { most: Duration::ZERO, clock });
+    let flow = FlowLimits { time, ..FlowLimits::default() };
+    assert_eq!(
+        load(long.as_bytes(), &profile, &LoadOptions { flow, ..LoadOptions::default() }).findings,
+        []
     );
 }
 

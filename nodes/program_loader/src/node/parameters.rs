@@ -1,8 +1,13 @@
 //! The parameters of the node, and the options that follow from them.
 
 use crate::LoadOptions;
-use crate::limits::FlowLimits;
+use crate::limits::{FlowLimits, TimeLimit};
 use runtime::{Declared, Handle};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+/// Some ten times what the other limits take on a small computer.
+const EXECUTED_SECONDS_MAX: f64 = 20.0;
 
 /// The node's parameters.
 pub fn parameters() -> Vec<Declared> {
@@ -63,6 +68,13 @@ pub fn parameters() -> Vec<Declared> {
         .integer_within(1, i64::from(u32::MAX))
         .read_only(),
         Declared::new(
+            "executed_seconds_max",
+            EXECUTED_SECONDS_MAX,
+            "seconds that a program with loops and subroutines may take to be read, on this computer",
+        )
+        .within(0.01, 3600.0)
+        .read_only(),
+        Declared::new(
             "subroutine_depth_max",
             FlowLimits::default().depth_max as i64,
             "subroutines that may be inside each other",
@@ -85,6 +97,17 @@ pub(super) fn options(node: &Handle) -> LoadOptions {
         blocks_max: node.parameter::<i64>("executed_blocks_max").unsigned_abs(),
         bytes_max: node.parameter::<i64>("executed_bytes_max").unsigned_abs(),
         depth_max: depth_max.unwrap_or(1),
+        time: Some(TimeLimit {
+            most: Duration::try_from_secs_f64(node.parameter("executed_seconds_max"))
+                .unwrap_or(Duration::MAX),
+            clock: since_start,
+        }),
     };
     LoadOptions { block_delete: node.parameter("block_delete"), flow, ..LoadOptions::default() }
+}
+
+/// The time since it was asked for first.
+fn since_start() -> Duration {
+    static START: OnceLock<Instant> = OnceLock::new();
+    START.get_or_init(Instant::now).elapsed()
 }

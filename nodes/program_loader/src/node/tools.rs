@@ -14,6 +14,9 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
 
+/// What is loaded in place of a program that cannot be read with a new table: a run of it stops with the reason.
+const WITHDRAWN: &[u8] = b"(MSG, this program cannot be read with the new tool table)\nM0\nM2\n";
+
 /// A program that is read again from here.
 pub(super) struct ReadAgain {
     pub(super) name: String,
@@ -69,21 +72,33 @@ impl Loader {
         let Some(again) = again.filter(|it| it.tools) else { return };
         let ReadAgain { name, text, profile, expected_tools, .. } = &*again;
         let (text, mut loaded) = self.load(text, profile);
-        if *text == *again.text {
+        let program_id = super::id_of(profile, &text);
+        if current.is_some_and(|current| current.first().program_id == program_id) {
             return;
         }
         loaded.allow_tools(expected_tools);
         if let Some(message) = refusal(name, &loaded) {
-            let message = format!("the tool table has changed, and {message}; load it again");
+            let message = format!("the tool table has changed, and {message}");
             tracing::error!("{message}");
+            self.withdraw(again);
             self.state().refused = Some(message);
             return;
         }
         tracing::warn!("{name} reads the tool table, which has changed: it was loaded again");
         let again = ReadAgain::of(&loaded, name, &text, profile, expected_tools);
-        self.remember_left(&super::id_of(profile, &text), &mut loaded);
+        self.remember_left(&program_id, &mut loaded);
         let read = self.current(name.clone(), text.into_owned(), profile, loaded);
+        self.state().refused = None;
         self.publish(Current { again, ..read });
+    }
+
+    /// Loads a message in place of a program that cannot be read, so that nobody runs it with values that are not true any
+    /// more. The next table may be one that it can be read with.
+    fn withdraw(&self, again: Arc<ReadAgain>) {
+        let name = format!("{} (withdrawn)", again.name);
+        let instead = load(WITHDRAWN, &again.profile, &self.options);
+        let current = self.current(name, WITHDRAWN.to_vec(), &again.profile, instead);
+        self.publish(Current { again: Some(again), ..current });
     }
 }
 
