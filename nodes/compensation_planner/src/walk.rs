@@ -29,7 +29,8 @@ use crate::walk::plan::{Plan, Workers};
 use actions::Lengths;
 use cnc_msgs::calls::Calls;
 use cnc_msgs::contour::{
-    Approach, ContourEventKind, CutterSide, OutsideCorner, ProgrammedContour, RadiusSource, Source,
+    Action, Approach, ContourEventKind, CutterSide, OutsideCorner, ProgrammedContour, RadiusSource,
+    Source,
 };
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::{Direction, Plane, Position};
@@ -57,6 +58,8 @@ struct Active<'a> {
     relink: Option<(Selection, Approach)>,
     /// A cancel that waits for its move.
     cancel: Option<(Approach, Source)>,
+    /// After the cancel: the first action that is taken only because the tool is above the contour.
+    above: Option<(Action, Source)>,
     /// Of the span before, if a link leads from it.
     previous_wall: Option<PreviousWall>,
     between: rules::BlocksBetween,
@@ -236,11 +239,10 @@ impl<'a> Walk<'a> {
                     Some((_, source)) => source,
                     None => active.span.entry.lead.source,
                 };
-                self.report.findings.push(rules::not_cancelled(
-                    source,
-                    active.cancel.is_some(),
-                    self.profile,
-                ));
+                let is_above = active.is_above(self.programmed, self.profile);
+                let has_cancel = active.cancel.is_some();
+                let finding = rules::not_cancelled(source, has_cancel, is_above, self.profile);
+                self.report.findings.push(finding);
                 self.close(*active, Exit::None);
             }
         }

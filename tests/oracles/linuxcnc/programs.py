@@ -386,11 +386,16 @@ def ways_of_writing():
                 .plunge(5.0, "G0").rapid(finish).end()
             yield along(begin("up, then G40").plunge(-2.0).on(side, first)).plunge(5.0, "G0") \
                 .off(finish).end()
+            yield along(begin("up, G40, then the tool again", "spindle").plunge(-2.0)
+                        .on(side, first)).plunge(5.0, "G0").cancel().add(["T1 M6"]) \
+                .rapid(finish).end()
             yield along(begin("a lead-off that slopes").plunge(-2.0).on(side, first)) \
                 .off(finish, z=5.0).end()
             yield along(begin("G40 alone, up, and nothing more").plunge(-2.0).on(side, first)) \
                 .cancel().plunge(5.0, "G0").end()
             yield along(begin("no G40").plunge(-2.0).on(side, first)).end()
+            yield along(begin("up, then no G40").plunge(-2.0).on(side, first)) \
+                .plunge(5.0, "G0").end()
             yield along(begin("a rapid as the last element").plunge(-2.0).on(side, first)) \
                 .line(plus(elements[-1].end, polar(heading(elements[-1], True)), 20.0), "G0") \
                 .off(plus(finish, polar(heading(elements[-1], True)), 20.0)).end()

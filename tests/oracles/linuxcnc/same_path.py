@@ -23,13 +23,14 @@ def same(one, other, allowed_mm=SAME_MM):
                     place = " ".join(f"{axis}{value:.4f}" for axis, value in zip("XYZ", point))
                     return f"{near:.6f} mm apart at {place}"
                 reached = number
-                # Where a path goes back over itself, it may be the next move as well.
-                if part == 0.5 and beside[reached].is_rapid != piece.is_rapid and \
-                        any(other.distance(point) <= allowed_mm
-                            for other in beside[reached + 1:reached + 2]):
-                    reached += 1
-                if part == 0.5 and beside[reached].is_rapid != piece.is_rapid:
+                if part != 0.5:
+                    continue
+                # Where a path goes back over itself, it may be one of the next moves as well.
+                at = [number for number, it in enumerate(beside[reached:reached + 4], reached)
+                      if it.is_rapid == piece.is_rapid and it.distance(point) <= allowed_mm]
+                if not at:
                     return f"a rapid in one of them only, at block {piece.block}"
+                reached = at[0]
     lengths = [sum(piece.length for piece in way) for way in ways]
     # At a joint that is off by little, both may be longer by more.
     more_mm = allowed_mm if allowed_mm == SAME_MM else math.sqrt(allowed_mm)

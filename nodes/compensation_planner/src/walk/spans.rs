@@ -130,6 +130,7 @@ impl<'a> Walk<'a> {
             side: selection.side,
             relink: None,
             cancel: None,
+            above: None,
             previous_wall: link.flatten(),
             between: rules::BlocksBetween::after(source),
             radius_changes: None,

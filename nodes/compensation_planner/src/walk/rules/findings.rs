@@ -6,12 +6,12 @@ use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{MERGE_MM, RADIUS_MM};
 use crate::span::lead_arc::NoLeadArc;
 use cnc_msgs::contour::{Motion, Source};
-use cnc_msgs::finding::{Code, Finding};
+use cnc_msgs::finding::{Code, Finding, Severity};
 use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Shape};
 use cnc_msgs::numbers::with_enough_digits;
 use cnc_msgs::profile::{
-    CancelBeforeEnd, HomeMode, InsideArc, LeadMove, Profile, RadiusChange, RapidMode, Reselect,
-    SideChange, Strictness,
+    CancelBeforeEnd, HomeMode, InsideArc, LeadMove, Permission, Profile, RadiusChange, RapidMode,
+    Reselect, SideChange, Strictness,
 };
 
 /// Coordinates that can be computed with: finite, and no farther than 1000 km.
@@ -375,8 +375,14 @@ pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> 
     .help("cancel with G40 and a lead-off, then select again with a lead-on")
 }
 
-/// Compensation that the program does not end (S32).
-pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile) -> Finding {
+/// Compensation that the program does not end (S32). Where the tool `is_above` the contour and the control lets it be,
+/// nothing is cut: a warning.
+pub(crate) fn not_cancelled(
+    source: Source,
+    has_cancel: bool,
+    is_above: bool,
+    profile: &Profile,
+) -> Finding {
     let rules = &profile.cancel;
     let message = if has_cancel {
         format!("the cancel has no effect: no {} in the plane follows it", lead_name(rules.lead))
@@ -387,7 +393,11 @@ pub(crate) fn not_cancelled(source: Source, has_cancel: bool, profile: &Profile)
         "end the contour with G40 and a straight {} in the plane, then end the program",
         lead_name(rules.lead)
     ));
-    finding.severity = if has_cancel { rules.if_no_move } else { rules.missing }.severity();
+    let is_harmless = is_above && rules.above_contour == Permission::Allowed;
+    finding.severity = match if has_cancel { rules.if_no_move } else { rules.missing } {
+        Strictness::Error if is_harmless => Severity::Warning,
+        strictness => strictness.severity(),
+    };
     finding
 }
 
