@@ -1,6 +1,7 @@
 //! How compensation is selected, canceled, and turned to the other side.
 
-use super::{Permission, Rule, Strictness};
+use super::Rule;
+use super::Strictness;
 use crate::contour::Approach;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -117,14 +118,10 @@ pub struct CancelRules {
     pub before_end: Rule<CancelBeforeEnd>,
     /// Whether a move in the plane must come between the cancel and a move out of it (M13).
     pub before_off_plane: Rule<OffPlaneAfterCancel>,
-    /// Whether the tool may be changed between the cancel and the lead-off, or the third axis go to a place
-    /// of the machine, once it is above the contour.
-    #[serde(default = "forbidden")]
-    pub above_contour: Permission,
-}
-
-const fn forbidden() -> Permission {
-    Permission::Forbidden
+    /// Compensation that is still active at the end of the program, with the tool above the contour; as elsewhere
+    /// if not given.
+    #[serde(default)]
+    pub missing_above: Option<Strictness>,
 }
 
 const fn anywhere() -> Rule<CancelBeforeEnd> {

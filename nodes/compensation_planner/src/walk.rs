@@ -9,6 +9,7 @@
 mod actions;
 mod compensate;
 mod emitter;
+mod kept_walls;
 mod motions;
 mod other_spans;
 mod output;
@@ -23,14 +24,14 @@ mod tool_tip;
 
 use crate::check::certificate::Certificate;
 use crate::check::lead::PreviousWall;
+use crate::geometry::frame::height;
 use crate::span::{Item, ItemKind, Span};
 use crate::walk::compensate::{Exit, SpanReport};
 use crate::walk::plan::{Plan, Workers};
 use actions::Lengths;
 use cnc_msgs::calls::Calls;
 use cnc_msgs::contour::{
-    Action, Approach, ContourEventKind, CutterSide, OutsideCorner, ProgrammedContour, RadiusSource,
-    Source,
+    Approach, ContourEventKind, CutterSide, OutsideCorner, ProgrammedContour, RadiusSource, Source,
 };
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::{Direction, Plane, Position};
@@ -58,8 +59,6 @@ struct Active<'a> {
     relink: Option<(Selection, Approach)>,
     /// A cancel that waits for its move.
     cancel: Option<(Approach, Source)>,
-    /// After the cancel: the first action that is taken only because the tool is above the contour.
-    above: Option<(Action, Source)>,
     /// Of the span before, if a link leads from it.
     previous_wall: Option<PreviousWall>,
     between: rules::BlocksBetween,
@@ -341,5 +340,12 @@ impl<'a> Walk<'a> {
 impl Active<'_> {
     fn push_item(&mut self, source: Source, what: ItemKind) {
         self.span.items.push(Item { before: self.span.legs.len(), source, what });
+    }
+
+    /// Whether a position is above the whole contour and the material.
+    fn is_above(&self, position: Position, profile: &Profile) -> bool {
+        let heights = self.span.leg_heights();
+        let top = heights.iter().fold(profile.interference.stock_top_mm, |top, it| top.max(it.1));
+        height(self.span.plane, position) > top
     }
 }

@@ -2,6 +2,7 @@
 
 mod support;
 
+use cnc_msgs::finding::Code;
 use cnc_msgs::profile::Profile;
 use compensation_planner::{Alone, Certificate, certificates, plan_certified};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -120,4 +121,28 @@ fn an_interruption_ends_the_search() {
         assert_eq!(found_within(most), spans, "{most} of {trials}");
         assert!(asked.load(Ordering::Relaxed) <= most + 2, "{most} of {trials}");
     }
+}
+
+#[test]
+fn no_lead_that_gouges_has_a_radius_that_its_certificate_is_good_for() {
+    // Oblique leads to a straight block: larger tools only nick its free end.
+    let part = |x: f64, y: f64, radius: f64| {
+        format!(
+            "N1 G0 X{x} Y{y}\nN2 G42.1 D{} G1 X0 Y0 F100\nN3 X50\nN4 G40 G1 X90 Y-30",
+            2.0 * radius
+        )
+    };
+    let profile = rs274();
+    let mut gouging = 0;
+    for radius in [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0] {
+        for (x, y) in [(-12.0, -4.0), (-8.0, -3.0), (-20.0, -2.0), (-5.0, -5.0), (-30.0, -9.0)] {
+            let plan =
+                plan_certified(&contour(&part(x, y, radius), &profile), &profile, &tool(1.0));
+            let good_for = plan.certificates[0].leads_valid_to_mm;
+            let gouges = codes(&plan).contains(&Code::LeadGouge);
+            assert_eq!(gouges, good_for < radius, "X{x} Y{y} R{radius}: good for {good_for}");
+            gouging += usize::from(gouges);
+        }
+    }
+    assert!(gouging > 3, "{gouging}");
 }

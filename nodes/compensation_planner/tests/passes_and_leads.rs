@@ -196,36 +196,6 @@ fn a_lead_above_the_part_cuts_nothing() {
 }
 
 #[test]
-fn the_tool_is_changed_between_the_cancel_and_the_lead_off_above_the_contour() {
-    let part = |between: &str, away: &str| {
-        format!(
-            "F100\nG0 X20 Y60 Z5\nG0 Z-1\nG41.1 D6 G1 X20 Y40\nX40 Y40\nX40 Y0\nX0 Y0\nX0 Y40\n\
-             X20 Y40\n{between}\nG0 {away}"
-        )
-    };
-    // Raised before or after the cancel: from beside the end of the contour straight to the next place.
-    for between in ["G0 Z5\nG40\nT3 M6", "G40\nG0 Z5\nT3 M6\nM3", "G40\nG0 Z5\nT3 M6\nG0 Z9"] {
-        let plan = of_rs274(&part(between, "X20 Y-30"));
-        assert_eq!(findings(&plan), "", "{between}");
-        let [.., left, away] = &plan.path.elements[..] else { panic!("{between}") };
-        assert_eq!(left.end[..2], [20.0, 43.0], "{between}");
-        assert_eq!((away.role, &away.end[..2]), (Role::LeadOff, &[20.0, -30.0][..]), "{between}");
-    }
-    // Not in the contour, and not where the tool comes down to it before it has led off.
-    for (between, away) in [
-        ("G40\nT3 M6", "X20 Y-30"),
-        ("G40\nG0 Z0\nT3 M6", "X20 Y-30"),
-        ("G40\nG0 Z5\nT3 M6\nG0 Z-1", "X20 Y60"),
-        ("G40\nG0 Z5\nT3 M6", "X20 Y60 Z-1"),
-        ("G0 Z5\nT3 M6\nG40", "X20 Y60"),
-    ] {
-        let plan = of_rs274(&part(between, away));
-        let refused = finding(&plan, Code::ForbiddenUnderCompensation);
-        assert!(refused.message.contains("the change to tool 3"), "{between}: {}", refused.message);
-    }
-}
-
-#[test]
 fn a_program_may_end_above_the_contour_without_a_lead_off() {
     let part = |end: &str| {
         format!(

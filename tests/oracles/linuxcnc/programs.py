@@ -386,9 +386,6 @@ def ways_of_writing():
                 .plunge(5.0, "G0").rapid(finish).end()
             yield along(begin("up, then G40").plunge(-2.0).on(side, first)).plunge(5.0, "G0") \
                 .off(finish).end()
-            yield along(begin("up, G40, then the tool again", "spindle").plunge(-2.0)
-                        .on(side, first)).plunge(5.0, "G0").cancel().add(["T1 M6"]) \
-                .rapid(finish).end()
             yield along(begin("a lead-off that slopes").plunge(-2.0).on(side, first)) \
                 .off(finish, z=5.0).end()
             yield along(begin("G40 alone, up, and nothing more").plunge(-2.0).on(side, first)) \

@@ -399,16 +399,29 @@ impl<'a> Subject<'a> {
         Some(exact)
     }
 
+    /// The radius up to which the leads are free.
+    ///
+    /// A large tool may pass over the free end of a contour where a smaller one cuts into it, so that a lead that is
+    /// free for one radius need not be so for all below: where it is free for the planned one, that counts.
     fn leads_free_to(&self, walls: &Walls<'_>, limit_mm: f64, touch_mm: f64) -> Option<f64> {
-        let mut high = limit_mm.min(RADIUS_MM_MAX);
         let is_free = |end: LeadEnd, radius| self.is_lead_free(end, walls, radius, touch_mm);
-        // A lead that is free for the largest radius is free for all.
-        let mut limiting = LeadEnd::BOTH.to_vec();
-        limiting.retain(|end| !is_free(*end, high));
-        if limiting.is_empty() {
-            return Some(limit_mm);
+        let (mut low, mut first_failing) = (0.0, None);
+        let largest = limit_mm.min(RADIUS_MM_MAX);
+        let planned = self.span.d_mm.abs().min(largest);
+        let is_planned_free = LeadEnd::BOTH.iter().all(|end| is_free(*end, planned));
+        for trial in self.lead_trials(is_planned_free, largest) {
+            if !(self.goes_on)() {
+                return None;
+            }
+            let mut limiting = LeadEnd::BOTH.to_vec();
+            limiting.retain(|end| !is_free(*end, trial));
+            if !limiting.is_empty() {
+                first_failing = Some((trial, limiting));
+                break;
+            }
+            low = trial;
         }
-        let mut low = 0.0;
+        let Some((mut high, limiting)) = first_failing else { return Some(limit_mm) };
         while high - low > EXACT_MM {
             if !(self.goes_on)() {
                 return None;
@@ -421,6 +434,17 @@ impl<'a> Subject<'a> {
             }
         }
         Some(low)
+    }
+
+    /// Radii from the smallest one that matters to the largest, close together near the planned one.
+    fn lead_trials(&self, is_planned_free: bool, largest: f64) -> impl Iterator<Item = f64> {
+        const SHARES: [f64; 8] = [0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0];
+        let planned = self.span.d_mm.abs();
+        let matters = move |share: &f64| !is_planned_free || *share >= 1.0;
+        let near = SHARES.into_iter().filter(matters).map(move |share| share * planned);
+        let far = std::iter::successors(Some(4.0 * planned), |radius| Some(2.0 * radius));
+        let below = near.chain(far).take_while(move |radius| *radius < largest);
+        below.chain(std::iter::once(largest))
     }
 
     /// Whether the move to the contour, or from it, keeps clear of its walls.

@@ -3,14 +3,13 @@
 //! An action that may not stand in a contour is a finding of `rules`. Others keep their place among
 //! the blocks.
 
-use super::{Active, Walk, WalkState};
+use super::{Walk, WalkState};
 use crate::span::ItemKind;
 use crate::walk::compensate::Exit;
 use crate::walk::rules::{self, Rules};
 use cnc_msgs::contour::{Action, Motion, Source};
 use cnc_msgs::finding::Severity;
-use cnc_msgs::geometry::Position;
-use cnc_msgs::profile::{LengthOfD, Permission, Profile};
+use cnc_msgs::profile::LengthOfD;
 use cnc_msgs::radius;
 
 /// Tool lengths where D selects them: `None` without one (S34).
@@ -49,15 +48,9 @@ impl Walk<'_> {
             }
             WalkState::Active(active) => {
                 let since = active.span.entry.lead.source;
-                let is_taken = active.takes_above(&action, self.profile);
-                let is_above = is_taken && active.is_above(self.programmed, self.profile);
-                let is_refused = !is_above && rules.action(&action, source, since);
+                let is_refused = rules.action(&action, source, since);
                 if let Some((_, cancelled)) = active.cancel {
-                    let top = is_taken.then(|| active.top(self.profile));
-                    rules::before_lead_off(&mut self.report.findings[found..], cancelled, top);
-                }
-                if is_above {
-                    active.above.get_or_insert((action, source));
+                    rules::before_lead_off(&mut self.report.findings[found..], cancelled);
                 }
                 if is_refused && matches!(action, Action::ChangeTool { .. }) {
                     self.refused_tool = Some(source);
@@ -155,42 +148,5 @@ impl Walk<'_> {
                 0.0
             }
         }
-    }
-}
-
-impl Walk<'_> {
-    /// A move on which the tool comes down to the contour after what is taken only above it.
-    pub(super) fn comes_down(&mut self, active: &mut Active<'_>, motion: &Motion) {
-        if active.above.is_none() || active.is_above(motion.end, self.profile) {
-            return;
-        }
-        if let (Some((action, source)), Some((_, cancelled))) = (active.above.take(), active.cancel)
-        {
-            let found = self.report.findings.len();
-            self.rules().action(&action, source, active.span.entry.lead.source);
-            let top = Some(active.top(self.profile));
-            rules::before_lead_off(&mut self.report.findings[found..], cancelled, top);
-        }
-    }
-}
-
-impl Active<'_> {
-    /// Whether the control takes this action above a contour that is cancelled and waits for its lead-off.
-    fn takes_above(&self, action: &Action, profile: &Profile) -> bool {
-        self.cancel.is_some()
-            && profile.cancel.above_contour == Permission::Allowed
-            && rules::leaves_plane_alone(action, self.span.plane)
-    }
-
-    pub(super) fn is_above(&self, position: Position, profile: &Profile) -> bool {
-        let (axis, top) = self.top(profile);
-        position[axis] > top
-    }
-
-    /// The third axis, and the highest place of the contour and the material along it, mm.
-    fn top(&self, profile: &Profile) -> (usize, f64) {
-        let heights = self.span.leg_heights();
-        let stock = profile.interference.stock_top_mm;
-        (self.span.plane.axes()[2], heights.iter().map(|(_, top)| *top).fold(stock, f64::max))
     }
 }

@@ -50,7 +50,6 @@ impl<'a> Walk<'a> {
         source: Source,
         rises: bool,
     ) {
-        self.comes_down(&mut active, motion);
         let plane = active.span.plane;
         let leads = match (&active.cancel, &active.relink) {
             (Some(_), _) => is_lead(motion, self.profile.cancel.lead),

@@ -10,11 +10,12 @@ use crate::check::interference;
 use crate::geometry::bounds::Bounds;
 use crate::geometry::chains::NO_CHAIN;
 use crate::geometry::distance::{are_apart, nearest_between};
-use crate::geometry::element::{Arc, Element, Line, Vec2};
+use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{GOUGE_MM, LENGTH_MM};
 use crate::geometry::tree::{Tree, budget};
 use crate::span::{ItemKind, Run, Span};
 use crate::walk::compensate::{Exit, Solution};
+use crate::walk::kept_walls::{Judged, KeptWalls};
 use crate::walk::span_index::SpanIndex;
 use cnc_msgs::contour::{Action, Source};
 use cnc_msgs::finding::{Code, Finding};
@@ -53,12 +54,9 @@ pub(crate) struct EarlierSpans<'a> {
 #[derive(Debug)]
 struct SpanWalls {
     part: Part,
-    walls: Vec<Wall>,
-    /// Of those that are arcs.
-    bends: Vec<Bend>,
+    walls: KeptWalls,
     /// Over the walls, once another contour is near.
     tree: OnceCell<Box<Tree>>,
-    bounds: Bounds,
     /// Equal for a contour that is cut again, in either direction.
     fingerprint: Fingerprint,
 }
@@ -68,33 +66,6 @@ type Fingerprint = (usize, u64);
 
 /// What identifies a contour: the axis of its tool, its work coordinate system, and its walls.
 type Contour = (usize, Frame, Fingerprint);
-
-/// A wall, in few bytes: they are kept until the program ends.
-#[derive(Debug, Clone, Copy)]
-struct Wall {
-    /// The start of a line, the centre of an arc.
-    at: Vec2,
-    /// Along a line; from the centre of an arc to its start.
-    unit: Vec2,
-    /// The length of a line, the radius of an arc, mm.
-    size: f64,
-    /// The lowest height at which it was cut, mm.
-    height_mm: f64,
-    source: Source,
-    /// What an arc has besides; [`STRAIGHT`] for a line.
-    bend: u32,
-}
-
-/// The number of no bend.
-const STRAIGHT: u32 = u32::MAX;
-
-/// What an arc has that a line has not.
-#[derive(Debug, Clone, Copy)]
-struct Bend {
-    to: Vec2,
-    turn: f64,
-    sweep: f64,
-}
 
 /// A piece of the tool path.
 #[derive(Debug, Clone, Copy)]
@@ -162,8 +133,8 @@ impl<'a> EarlierSpans<'a> {
         }
         self.add_first();
         let heights = span.leg_heights();
-        let left = SpanWalls::of(part, &span, &solution, &heights)?;
-        self.budget += budget(left.walls.len()) - budget(0);
+        let (left, bounds) = SpanWalls::of(part, &span, &solution, &heights)?;
+        self.budget += budget(left.walls.count()) - budget(0);
         let near = self.near(&solution, &left, &span, profile);
         let found = match near.as_deref() {
             Some([]) => None,
@@ -176,7 +147,7 @@ impl<'a> EarlierSpans<'a> {
                 self.cut((&left, near), pieces, &checked, &span, profile)
             }
         };
-        self.add(left);
+        self.add(left, bounds);
         self.findings_left -= usize::from(found.is_some());
         found
     }
@@ -184,17 +155,17 @@ impl<'a> EarlierSpans<'a> {
     fn add_first(&mut self) {
         if let Some((part, span, solution)) = self.first.take().map(|first| *first) {
             let left = SpanWalls::of(part, &span, &solution, &span.leg_heights());
-            left.into_iter().for_each(|left| self.add(left));
+            left.into_iter().for_each(|(left, bounds)| self.add(left, bounds));
         }
     }
 
     /// Adds a contour, unless it is known: then it is cut at another height.
-    fn add(&mut self, left: SpanWalls) {
+    fn add(&mut self, left: SpanWalls, bounds: Bounds) {
         match self.known.entry(left.contour()) {
             Entry::Occupied(same) => self.left[*same.get()].is_cut_again(&left),
             Entry::Vacant(new) => {
                 new.insert(self.left.len());
-                self.places.push(left.bounds);
+                self.places.push(bounds);
                 self.left.push(left);
             }
         }
@@ -233,19 +204,18 @@ impl<'a> EarlierSpans<'a> {
         let reach = pieces.iter().fold(0.0, |reach: f64, piece| reach.max(piece.radius_mm));
         let bounds = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
         let mut near = near.unwrap_or_else(|| self.places.near(&bounds, reach));
-        let is_near = |left: &SpanWalls| left.bounds.gap_squared(&bounds) < reach * reach;
-        near.retain(|left| self.is_other(*left, of) && is_near(&self.left[*left]));
+        let is_near = |left| self.places.bounds(left).gap_squared(&bounds) < reach * reach;
+        near.retain(|left| self.is_other(*left, of) && is_near(*left));
         let mut tree = None;
         for left in near.into_iter().map(|left| &self.left[left]) {
             let chained = boxes.iter().map(|bounds| (*bounds, NO_CHAIN));
             let tree = tree.get_or_insert_with(|| Tree::new(chained));
             let mut deepest: Option<OtherCut> = None;
-            let wall_box = |wall: usize| Bounds::of(&left.element(wall));
+            let wall_box = |wall: usize| Bounds::of(&left.walls.element(wall));
             let of = (|piece: usize| (boxes[piece], ()), wall_box);
             let walls = left.tree();
             let is_complete = tree.near_pairs(walls, reach, &mut self.budget, of, |on, into| {
-                let wall = (&left.walls[into], left.element(into));
-                let cut = pieces[on].cut_into(wall, profile, span.d_mm);
+                let cut = pieces[on].cut_into(&left.walls, into, profile, span.d_mm);
                 let is_deeper = |cut: &OtherCut| {
                     !checked.contains(&cut.into)
                         && deepest.is_none_or(|other| cut.depth_mm() > other.depth_mm())
@@ -267,35 +237,32 @@ impl<'a> EarlierSpans<'a> {
 }
 
 impl SpanWalls {
-    /// `None` when the walls of the contour are not complete.
+    /// With a box around them; `None` when the walls of the contour are not complete.
     fn of(
         part: Part,
         span: &Span<'_>,
         solution: &Solution,
         heights: &[(f64, f64)],
-    ) -> Option<Self> {
+    ) -> Option<(Self, Bounds)> {
         let walls = solution.walls();
         let runs = solution.runs();
         let is_first = |&run: &usize| walls.copies(run).nth(1).is_none_or(|first| first == run);
         if !walls.is_complete() {
             return None;
         }
-        let mut left: Vec<Wall> = Vec::with_capacity(walls.count());
-        let mut bends = Vec::new();
+        let mut judged: Vec<Judged> = Vec::with_capacity(walls.count());
         let (mut bounds, mut sum) = (Bounds::EMPTY, 0_u64);
         for run in (0..walls.count()).filter(is_first) {
             let Some(element) = walls.of(run).filter(|_| walls.is_judged(run)) else { continue };
             let lowest = |run| lowest(heights, &runs[run]);
             let height_mm = walls.copies(run).map(lowest).fold(f64::INFINITY, f64::min);
-            let source = span.legs[runs[run].legs.start].source;
-            left.push(Wall::new(&element, height_mm, source, &mut bends));
             bounds = bounds.union(Bounds::of(&element));
             sum = sum.wrapping_add(print(&element));
+            judged.push(Judged { element, height_mm, run });
         }
-        left.shrink_to_fit();
-        bends.shrink_to_fit();
-        let fingerprint = (left.len(), sum);
-        Some(Self { part, fingerprint, walls: left, bends, tree: OnceCell::new(), bounds })
+        let fingerprint = (judged.len(), sum);
+        let walls = KeptWalls::new(&judged, runs, span);
+        Some((Self { part, fingerprint, walls, tree: OnceCell::new() }, bounds))
     }
 
     fn contour(&self) -> Contour {
@@ -304,12 +271,9 @@ impl SpanWalls {
     }
 
     fn tree(&self) -> &Tree {
-        let boxes = (0..self.walls.len()).map(|wall| (Bounds::of(&self.element(wall)), NO_CHAIN));
+        let boxes =
+            (0..self.walls.count()).map(|wall| (Bounds::of(&self.walls.element(wall)), NO_CHAIN));
         self.tree.get_or_init(|| Box::new(Tree::new(boxes)))
-    }
-
-    fn element(&self, wall: usize) -> Element {
-        self.walls[wall].element(&self.bends)
     }
 
     fn is_same(&self, other: &Self) -> bool {
@@ -318,35 +282,7 @@ impl SpanWalls {
 
     /// Merges the same contour, cut at another height.
     fn is_cut_again(&mut self, other: &Self) {
-        let highest = other.walls.iter().fold(f64::NEG_INFINITY, |a, wall| a.max(wall.height_mm));
-        for wall in &mut self.walls {
-            wall.height_mm = wall.height_mm.min(highest);
-        }
-    }
-}
-
-impl Wall {
-    fn new(element: &Element, height_mm: f64, source: Source, bends: &mut Vec<Bend>) -> Self {
-        match *element {
-            Element::Line(Line { start, tangent, length }) => {
-                Self { at: start, unit: tangent, size: length, height_mm, source, bend: STRAIGHT }
-            }
-            Element::Arc(Arc { center, radius, turn, from, to, sweep }) => {
-                let bend = bends.len() as u32;
-                bends.push(Bend { to, turn, sweep });
-                Self { at: center, unit: from, size: radius, height_mm, source, bend }
-            }
-        }
-    }
-
-    fn element(&self, bends: &[Bend]) -> Element {
-        let &Self { at, unit, size, bend, .. } = self;
-        match bends.get(bend as usize) {
-            None => Element::Line(Line { start: at, tangent: unit, length: size }),
-            Some(&Bend { to, turn, sweep }) => {
-                Element::Arc(Arc { center: at, radius: size, turn, from: unit, to, sweep })
-            }
-        }
+        self.walls.lower_to(other.walls.highest_mm());
     }
 }
 
@@ -354,21 +290,23 @@ impl Piece {
     /// The cut into a wall, if any.
     fn cut_into(
         &self,
-        (wall, element): (&Wall, Element),
+        walls: &KeptWalls,
+        wall: usize,
         profile: &Profile,
         d_mm: f64,
     ) -> Option<OtherCut> {
         let limit = self.radius_mm - GOUGE_MM - profile.accept_tolerance_mm;
-        if self.height_mm > wall.height_mm + LENGTH_MM || limit <= 0.0 {
+        if self.height_mm > walls.height_mm(wall) + LENGTH_MM || limit <= 0.0 {
             return None;
         }
+        let element = walls.element(wall);
         if are_apart(&self.path, &element, limit) {
             return None;
         }
         let near = nearest_between(&self.path, &element);
         (near.distance < limit).then_some(OtherCut {
             on: self.source,
-            into: wall.source,
+            into: walls.source(wall),
             on_wall: near.on_wall,
             height_mm: self.height_mm,
             d_mm: self.radius_mm.copysign(d_mm),

@@ -310,34 +310,14 @@ impl Rules<'_> {
     }
 }
 
-/// What is to be done about actions between a cancel and its move, which have been reported; with the
-/// third axis and the highest place of the contour, mm, where they are taken above it.
-pub(crate) fn before_lead_off(
-    findings: &mut [Finding],
-    cancelled: Source,
-    top: Option<(usize, f64)>,
-) {
-    let above = top.map_or(String::new(), |(axis, top)| {
-        format!(" (or raise the tool above {}{top:.3})", AXIS_LETTERS[axis])
-    });
+/// What is to be done about actions between a cancel and its move, which have been reported.
+pub(crate) fn before_lead_off(findings: &mut [Finding], cancelled: Source) {
     for finding in findings {
         finding.help = format!(
-            "put a move in the plane before it{above}: the cancel in line {} takes effect with that move",
+            "put a move in the plane before it: the cancel in line {} takes effect with that move",
             cancelled.line
         );
         finding.other = Some(cancelled);
-    }
-}
-
-/// Whether an action that compensation forbids leaves the tool where it is in the plane.
-pub(crate) fn leaves_plane_alone(action: &Action, plane: Plane) -> bool {
-    let [u, v, _] = plane.axes();
-    match action {
-        Action::ChangeTool { .. } => true,
-        Action::MachineMove { axes, .. } | Action::Reference { axes, .. } => {
-            !axes.contains(u) && !axes.contains(v)
-        }
-        _ => false,
     }
 }
 

@@ -39,6 +39,11 @@ impl SpanIndex {
         self.waiting = self.all.len();
     }
 
+    /// The box of a span.
+    pub(crate) fn bounds(&self, span: usize) -> &Bounds {
+        &self.all[span]
+    }
+
     /// The spans whose boxes are nearer to a box than this, mm; the latest first.
     pub(crate) fn near(&self, bounds: &Bounds, reach: f64) -> Vec<usize> {
         let is_near = |span: &usize| self.all[*span].gap_squared(bounds) < reach * reach;

@@ -130,7 +130,6 @@ impl<'a> Walk<'a> {
             side: selection.side,
             relink: None,
             cancel: None,
-            above: None,
             previous_wall: link.flatten(),
             between: rules::BlocksBetween::after(source),
             radius_changes: None,

@@ -6,12 +6,12 @@ use crate::geometry::element::{Element, Vec2};
 use crate::geometry::tolerance::{MERGE_MM, RADIUS_MM};
 use crate::span::lead_arc::NoLeadArc;
 use cnc_msgs::contour::{Motion, Source};
-use cnc_msgs::finding::{Code, Finding, Severity};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Shape};
 use cnc_msgs::numbers::with_enough_digits;
 use cnc_msgs::profile::{
-    CancelBeforeEnd, HomeMode, InsideArc, LeadMove, Permission, Profile, RadiusChange, RapidMode,
-    Reselect, SideChange, Strictness,
+    CancelBeforeEnd, HomeMode, InsideArc, LeadMove, Profile, RadiusChange, RapidMode, Reselect,
+    SideChange, Strictness,
 };
 
 /// Coordinates that can be computed with: finite, and no farther than 1000 km.
@@ -375,8 +375,7 @@ pub(crate) fn reselected(source: Source, is_repeat: bool, profile: &Profile) -> 
     .help("cancel with G40 and a lead-off, then select again with a lead-on")
 }
 
-/// Compensation that the program does not end (S32). Where the tool `is_above` the contour and the control lets it be,
-/// nothing is cut: a warning.
+/// Compensation that the program does not end (S32), with the tool above the contour or not.
 pub(crate) fn not_cancelled(
     source: Source,
     has_cancel: bool,
@@ -393,11 +392,9 @@ pub(crate) fn not_cancelled(
         "end the contour with G40 and a straight {} in the plane, then end the program",
         lead_name(rules.lead)
     ));
-    let is_harmless = is_above && rules.above_contour == Permission::Allowed;
-    finding.severity = match if has_cancel { rules.if_no_move } else { rules.missing } {
-        Strictness::Error if is_harmless => Severity::Warning,
-        strictness => strictness.severity(),
-    };
+    let at_contour = if has_cancel { rules.if_no_move } else { rules.missing };
+    let strictness = rules.missing_above.filter(|_| is_above).unwrap_or(at_contour);
+    finding.severity = strictness.severity();
     finding
 }
 
