@@ -142,6 +142,11 @@ impl<'t> Flow<'t> {
         false
     }
 
+    /// Counts the text of a message like that of a line: numbers in it may be long.
+    pub(crate) fn count_text(&mut self, bytes: usize) {
+        self.executed_bytes += bytes as u64;
+    }
+
     fn is_late(&self) -> bool {
         self.until.is_some_and(|(until, limit)| (limit.clock)() > until)
     }

@@ -79,8 +79,8 @@ pub struct FlowLimits {
     /// Lines that are executed, above those of the text: a loop without an end stops here. At about a hundred bytes of
     /// memory for a line that moves, and some 10 million lines a second.
     pub blocks_max: u64,
-    /// Bytes of the lines that are executed, above those of the text: long lines with expressions take
-    /// their time by the byte.
+    /// Bytes of the lines that are executed and of their messages, above those of the text: long lines with
+    /// expressions take their time by the byte.
     pub bytes_max: u64,
     /// Subroutines inside each other.
     pub depth_max: usize,

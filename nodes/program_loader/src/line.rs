@@ -4,6 +4,14 @@
 
 use cnc_msgs::contour::Source;
 
+/// A line without the carriage returns at its end: of CR LF, or of CR CR LF where CR LF was converted twice.
+pub(crate) fn without_carriage_returns(mut line: &[u8]) -> &[u8] {
+    while let [before @ .., b'\r'] = line {
+        line = before;
+    }
+    line
+}
+
 /// One line, without its line ending.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Line<'t> {

@@ -19,7 +19,7 @@ use crate::flow::{Cursor, Flow, FlowMap, Next, World, no_profile, no_program};
 use crate::interpreter::{After, Interpreter, code_in_tenths};
 use crate::lexer;
 use crate::limits;
-use crate::line::Line;
+use crate::line::{Line, without_carriage_returns};
 use crate::no_effect::NoEffects;
 use crate::parameter_file::Stored;
 use crate::parameters::{CannotSet, Parameters};
@@ -135,8 +135,8 @@ impl<'r> Reader<'r> {
                 last_line = cursor.line;
                 let whole = &text[cursor.offset.min(end)..end];
                 let call = self.flow.as_ref().map_or(0, Flow::row);
-                let whole = whole.strip_suffix(b"\r").unwrap_or(whole);
-                let line = Line { number: cursor.line, text: whole, call };
+                let content = without_carriage_returns(whole);
+                let line = Line { number: cursor.line, text: content, call };
                 match self.line(line, cursor) {
                     Outcome::Line if self.interpreter.event_count() >= part_events => {
                         // Near the end it is not worth while.
@@ -316,13 +316,7 @@ impl<'r> Reader<'r> {
     /// A line of a program with O words: what comes next is not always the line after it.
     fn line_in_flow(&mut self, line: Line<'_>, at: Cursor) -> Outcome {
         let first_finding = self.findings.count();
-        let next = self.step(line, at);
-        if self.findings.count() > first_finding
-            && let Some(flow) = &mut self.flow
-        {
-            flow.drop_repeated(&mut self.findings, first_finding);
-        }
-        match next {
+        let outcome = match self.step(line, at) {
             Next::Line | Next::Block => Outcome::Line,
             Next::Jump(to) => {
                 let depth = self.flow.as_ref().map_or(0, Flow::depth);
@@ -332,7 +326,13 @@ impl<'r> Reader<'r> {
                 Outcome::Jump(to)
             }
             Next::Stop => self.stop(line),
+        };
+        if self.findings.count() > first_finding
+            && let Some(flow) = &mut self.flow
+        {
+            flow.drop_repeated(&mut self.findings, first_finding);
         }
+        outcome
     }
 
     /// Nothing: it has been reported why, and what follows was never to be reached.

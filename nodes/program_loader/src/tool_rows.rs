@@ -6,7 +6,9 @@
 
 use crate::appended::{Appended, append, find};
 use crate::limits::PROGRAM_BYTES_MAX;
+use crate::probe_results::with_results;
 use crate::{LoadOptions, Loaded, load};
+use cnc_msgs::probing::Measured;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::{Tool, ToolTable};
 use std::borrow::Cow;
@@ -61,8 +63,26 @@ pub fn load_with_tools<'t>(
     (text.into(), loaded)
 }
 
+/// [`load`] for a program whose run has come to a probe or an input, with the results so far. Returns the text that was
+/// loaded, too. What the program reads of the table may come only after the results, so that its text has no rows yet.
+pub fn load_with_results(
+    program: &[u8],
+    measured: &Measured,
+    profile: &Profile,
+    options: &LoadOptions,
+    tools: Option<&ToolTable>,
+) -> (Vec<u8>, Loaded) {
+    let text = with_results(program, measured);
+    let loaded = load(&text, profile, options);
+    let Some(tools) = tools.filter(|_| loaded.reads_tools) else { return (text, loaded) };
+    // The results stay at the end.
+    let text = with_results(&with_tools(program, tools), measured);
+    let loaded = load(&text, profile, options);
+    (text, loaded)
+}
+
 /// The text with these rows. One that would be too long stays as it is.
-fn with_tools(text: &[u8], tools: &ToolTable) -> Vec<u8> {
+pub(crate) fn with_tools(text: &[u8], tools: &ToolTable) -> Vec<u8> {
     let mut rows = String::new();
     for (number, tool) in &tools.tools {
         let ToolRow { length_mm, diameter_mm, tip_direction } = tool.into();

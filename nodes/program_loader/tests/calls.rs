@@ -256,3 +256,43 @@ fn a_chain_of_branches_counts_as_well() {
     assert_eq!(message, "more than 11005 blocks have been executed");
     assert!(place.ends_with(", pass 11 of the loop in line 1"), "{place}");
 }
+
+#[test]
+fn an_o_word_in_the_last_line_needs_no_line_end_after_it() {
+    for text in [
+        "G91 G21\nG0 X5\no1 if [#5420 GT 5]\nG0 Z-1\no1 endif",
+        "G91 G21\n#1=0\no1 while [#1 LT 3]\nG0 X5\n#1=[#1+1]\no1 endwhile",
+        "o<a> sub\nG91 G0 X1\no<a> endsub\no1 repeat [2]\no<a> call\no1 endrepeat",
+        "o<a> call\nM2\no<a> sub\nG91 G0 X1\no<a> endsub",
+    ] {
+        let (with, without) = (loaded(&format!("{text}\n")), loaded(text));
+        assert_eq!(with.contour, without.contour, "{text}");
+        assert_eq!(with.findings, without.findings, "{text}");
+    }
+}
+
+#[test]
+fn the_texts_of_messages_count_as_well() {
+    let endless = "#1=[10**300]\no1 while [1]\n(DEBUG, %.9f #1 #1 #1)\no1 endwhile\nM2\n";
+    let flow = FlowLimits { bytes_max: 1 << 20, ..FlowLimits::default() };
+    let (message, place) = refused(endless, flow);
+    assert!(message.contains("bytes of blocks have been executed"), "{message}");
+    // Some thousand bytes each.
+    assert!(place.contains("pass 1") && !place.contains("pass 10000"), "{place}");
+}
+
+#[test]
+fn an_error_of_a_lathe_cycle_in_a_loop_is_reported_once() {
+    let text = "o100 sub\nG0 X10 Z0\nG1 Z-20\nX5\nZ-40\nX50\no100 endsub\nG18 F100 S100 M3\n\
+                o1 repeat [4]\nG0 X60 Z5\nG71 Q100 X8 Z2 D0 I1 R1\no1 endrepeat\nM2\n";
+    let errors = loaded(text).findings;
+    let errors: Vec<_> = errors.iter().filter(|it| it.is_error()).collect();
+    assert_eq!(errors.len(), 1, "{errors:#?}");
+}
+
+#[test]
+fn carriage_returns_before_a_line_end_are_a_part_of_it() {
+    let text = "G21 G90\r\r\no1 repeat [2]\r\r\nG0 X5\r\r\no1 endrepeat\r\r\nM2\r\r\n";
+    let plain = loaded(&text.replace('\r', ""));
+    assert_eq!(loaded(text).contour, plain.contour);
+}

@@ -4,9 +4,11 @@ mod common;
 
 use cnc_msgs::contour::{Action, ContourEventKind, Source};
 use cnc_msgs::probing::{Measured, ProbeResult};
+use cnc_msgs::tool_table::{Tool, ToolTable};
 use common::profile;
 use program_loader::canonical::event_text;
 use program_loader::probe_results::with_results;
+use program_loader::tool_rows::load_with_results;
 use program_loader::{LoadOptions, Loaded, load};
 
 #[test]
@@ -33,6 +35,21 @@ fn what_is_planned_as_if_each_probe_touched_somewhere_is_what_a_run_is_planned_f
     for (was, is) in measured.contour.events.iter().zip(&assumed.contour.events) {
         assert_eq!(event_text(was), event_text(is));
     }
+}
+
+#[test]
+fn the_tool_table_may_be_read_for_the_first_time_after_a_probe() {
+    let text = b"T1 M61 Q1\nG21 G90 F100\nG0 X0 Y0 Z5\nG38.2 Z-30\n#1=#5063\nG0 Z[#1+#5403]\nM2\n";
+    let tool = Tool { length_mm: 40.0, ..Tool::default() };
+    let tools = ToolTable { tools: [(1, tool)].into(), ..ToolTable::default() };
+    let measured = Measured { probes: vec![TOUCH], inputs: Vec::new() };
+    let (profile, options) = (profile("rs274"), LoadOptions::default());
+    let (text, loaded) = load_with_results(text, &measured, &profile, &options, Some(&tools));
+    assert!(loaded.is_accepted(), "{:#?}", loaded.findings);
+    let last = events(&loaded);
+    assert!(last.iter().any(|event| event.contains("27.5")), "{last:?}");
+    // The text alone is enough for a replay.
+    assert_eq!(events(&load(&text, &profile, &options)), last);
 }
 
 const BEGIN: &str = "G21 G90 F100\nG0 X0 Y0 Z5\nG38.2 Z-30\n";

@@ -37,7 +37,11 @@ class Program:
         """Writes it and what it calls into a folder; its name."""
         for name, lines in self.files.items():
             (folder / name).write_text(sized(lines, size))
-        (folder / "part.ngc").write_text(self.text(size))
+        text = self.text(size)
+        # Some editors write no line end after the last line.
+        if sum(map(ord, self.name)) % 3 == 0:
+            text = text.rstrip("\n")
+        (folder / "part.ngc").write_text(text)
         self.folder = folder if self.files else None
         return "part.ngc"
 

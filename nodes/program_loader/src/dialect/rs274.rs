@@ -84,6 +84,9 @@ fn g(tenths: u16) -> GWord {
         384 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: false })),
         385 => GWord::Motion(Mode::Probe(Probe { away: true, may_miss: true })),
         760 => GWord::Motion(Mode::ThreadCycle),
+        171 | 181 | 191 => {
+            GWord::Refused("write the arc in X, Y and Z: there are no arcs of U, V and W")
+        }
         700 => GWord::LatheCycle(LatheCycle::Finish),
         710..=712 | 720..=722 => GWord::LatheCycle(LatheCycle::Rough {
             along: if tenths < 720 { Along::Z } else { Along::X },
@@ -161,6 +164,9 @@ fn m(number: u16) -> MWord {
         71 => MWord::State(StateWord::Forget),
         72 => MWord::State(StateWord::Restore),
         73 => MWord::State(StateWord::Save { returns: true }),
+        97 => MWord::Refused(
+            "write the block where it is called, or call a subroutine with M98 or o10 call",
+        ),
         98 => MWord::CallProgram,
         99 => MWord::EndProgram,
         _ => common_m(number),

@@ -5,7 +5,7 @@
 
 use super::statement::{self, Keyword, Name, Statement};
 use crate::findings::Findings;
-use crate::line::Line;
+use crate::line::{Line, without_carriage_returns};
 use cnc_msgs::finding::{Code, Finding};
 use std::collections::BTreeMap;
 
@@ -63,11 +63,11 @@ impl FlowMap {
             seen = at;
             let length = memchr::memchr(b'\n', &text[offset..]);
             let whole = &text[offset..length.map_or(text.len(), |length| offset + length)];
-            let text = whole.strip_suffix(b"\r").unwrap_or(whole);
-            let line = Line { number: line, text, call: 0 };
+            let content = without_carriage_returns(whole);
+            let line = Line { number: line, text: content, call: 0 };
             let next = Cursor {
                 offset: length.map_or(text.len(), |length| offset + length + 1),
-                line: at.line + 1,
+                line: at.line + u32::from(length.is_some()),
             };
             findings.begin_block();
             match statement::read(line.text) {

@@ -5,8 +5,7 @@
 
 use super::tools::ReadAgain;
 use super::{Current, Loader, Refusal, id_of, refusal, refuse};
-use crate::load;
-use crate::probe_results::with_results;
+use crate::tool_rows::load_with_results;
 use cnc_msgs::convert::WireError;
 use cnc_msgs::interface::Service;
 use cnc_msgs::probing::{Measured, ProbeResult};
@@ -39,12 +38,13 @@ impl Loader {
         let results = results.or_else(|error| refuse(W::PROGRAM_REFUSED, error))?;
         let inputs = request.inputs.clone();
         let measured = Measured { probes: results, inputs };
-        let text = with_results(text, &measured);
+        let tools = self.state().tools.clone();
+        let (text, mut loaded) =
+            load_with_results(text, &measured, profile, &self.options, tools.as_ref());
         let id = id_of(profile, &text);
         if id == current.program_id {
             return Ok(id);
         }
-        let mut loaded = load(&text, profile, &self.options);
         loaded.allow_tools(expected_tools);
         if let Some(message) = refusal(name, &loaded) {
             return refuse(W::PROGRAM_REFUSED, message);

@@ -4,7 +4,7 @@
 //! has the values of a tool that is not there any more.
 
 use super::{Current, Loader, refusal};
-use crate::tool_rows::load_with_tools;
+use crate::tool_rows::{load_with_tools, with_tools};
 use crate::{Loaded, load};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
@@ -14,8 +14,11 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What is loaded in place of a program that cannot be read with a new table: a run of it stops with the reason.
-const WITHDRAWN: &[u8] = b"(MSG, this program cannot be read with the new tool table)\nM0\nM2\n";
+/// What is loaded in place of a program that is not, or not yet, read with a new table: a run of it stops with the reason, and
+/// does not go on.
+const WITHDRAWN: &[u8] = b"o1 repeat [100]\n\
+    (MSG, this program cannot be read with the new tool table: cancel, and load it again)\n\
+    M0\no1 endrepeat\nM2\n";
 
 /// A program that is read again from here.
 pub(super) struct ReadAgain {
@@ -71,16 +74,22 @@ impl Loader {
         let again = current.as_ref().and_then(|current| current.first().again.clone());
         let Some(again) = again.filter(|it| it.tools) else { return };
         let ReadAgain { name, text, profile, expected_tools, .. } = &*again;
-        let (text, mut loaded) = self.load(text, profile);
-        let program_id = super::id_of(profile, &text);
-        if current.is_some_and(|current| current.first().program_id == program_id) {
+        let with_rows = self.state().tools.as_ref().map(|tools| with_tools(text, tools));
+        let is_current = |text: &[u8]| {
+            let program_id = super::id_of(profile, text);
+            current.as_ref().is_some_and(|current| current.first().program_id == program_id)
+        };
+        if with_rows.as_deref().is_some_and(is_current) {
             return;
         }
+        // It may take a while.
+        self.withdraw(Arc::clone(&again));
+        let (text, mut loaded) = self.load(text, profile);
+        let program_id = super::id_of(profile, &text);
         loaded.allow_tools(expected_tools);
         if let Some(message) = refusal(name, &loaded) {
             let message = format!("the tool table has changed, and {message}");
             tracing::error!("{message}");
-            self.withdraw(again);
             self.state().refused = Some(message);
             return;
         }
@@ -92,8 +101,8 @@ impl Loader {
         self.publish(Current { again, ..read });
     }
 
-    /// Loads a message in place of a program that cannot be read, so that nobody runs it with values that are not true any
-    /// more. The next table may be one that it can be read with.
+    /// Loads a message in place of a program, so that nobody runs it with values that are not true any more. The next table may be
+    /// one that it can be read with.
     fn withdraw(&self, again: Arc<ReadAgain>) {
         let name = format!("{} (withdrawn)", again.name);
         let instead = load(WITHDRAWN, &again.profile, &self.options);

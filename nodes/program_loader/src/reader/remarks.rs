@@ -62,6 +62,9 @@ impl Reader<'_> {
 
     fn show(&mut self, line: Line<'_>, remark: Remark, text: &str) {
         let source = line.source(self.block.number, remark.start, remark.end);
+        if let Some(flow) = &mut self.flow {
+            flow.count_text(text.len());
+        }
         // One line in the log of the operator.
         let text = intake::text::one_line(text);
         self.interpreter.show(source, &text);
