@@ -175,8 +175,8 @@ fn a_board_without_the_axis_refuses_before_it_moves_and_names_the_line() {
             result.message
         }
     };
-    let wanted =
-        "line 2: the program moves A, and this controller has no axis A: its axes are X Y Z";
+    let wanted = "line 2: the program moves A, and this controller has no axis A: its axes are X Y Z; \
+                  delete these words, or run the program on a machine with A";
     assert!(refused.contains(wanted), "{refused}");
     assert!(!line.said_since(then).contains('X'), "{}", line.said_since(then));
     let checked = line.ask(request(FOUR_AXES, true)).expect_err("a refusal");

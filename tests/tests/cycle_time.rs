@@ -251,3 +251,20 @@ fn an_override_changes_the_time_left_at_once_and_a_hold_keeps_it() {
         assert!(left > held && left < held + 2.0, "{firmware}: {left} s at {at:?}, then {held} s");
     }
 }
+
+#[test]
+fn a_board_that_limits_jerk_is_named_once_in_each_run() {
+    for jerk in [&[][..], &["$800=5000.000", "$801=5000.000", "$802=2000.000"]] {
+        let mut line = line(Firmware::GrblHal);
+        for setting in jerk {
+            line.inject(&format!("push:{setting}"));
+        }
+        line.wait(1.0);
+        for runs in 1..=2 {
+            moved(&mut line, straight(4, 5.0));
+            let said =
+                line.log.iter().filter(|it| it.contains("the controller limits jerk")).count();
+            assert_eq!(said, if jerk.is_empty() { 0 } else { runs }, "{:?}", line.log);
+        }
+    }
+}

@@ -70,6 +70,12 @@ use std::collections::BTreeMap;
 use tool_lengths::ToolEntries;
 use turn::Rotations;
 
+/// The letters of axes beyond X, Y and Z.
+const FURTHER_AXES: &[u8] = b"ABCUVW";
+/// For whoever moves one of them on a control that has none.
+const NO_FURTHER_AXES: &str = "delete it, or program the G word that it belongs to; of all controls \
+     only rs274 moves A, B, C, U, V and W: post the program for it";
+
 /// What follows a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum After {
@@ -491,7 +497,11 @@ impl<'r> Interpreter<'r> {
                 self.report(scene, letter, Code::ModalConflict, message, "write two blocks");
             } else {
                 let message = format!("nothing in this block uses {word}");
-                let help = "delete it, or program the G word that it belongs to";
+                let is_axis = Letters::of(FURTHER_AXES).contains(letter);
+                let help = match is_axis && !self.rules.dialect.further_axes.contains(letter) {
+                    true => NO_FURTHER_AXES,
+                    false => "delete it, or program the G word that it belongs to",
+                };
                 self.report(scene, letter, Code::Syntax, message, help);
             }
         }

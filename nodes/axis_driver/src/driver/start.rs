@@ -83,9 +83,13 @@ impl Driver {
                 WorkplaceCheck::begin(&mut self.context, &request, beginning, None)
             }
         };
+        let limits = self.context.machine.limits_for_time();
+        // Who types a block asks for no time.
+        if let Some(doubt) = limits.time_doubt().filter(|_| !request.is_mdi()) {
+            self.context.log(LogLevel::Warn, format!("not judged: {doubt}"));
+        }
         let machine = &self.context.machine;
         let here = machine.machine_position().filter(|_| !is_in_change);
-        let limits = machine.limits_for_time();
         // In the middle the tool stands where the element begins, or comes there from here.
         let start = here.filter(|_| first_element == 0);
         let mut time = CycleTime::new(&limits, &request.path, first_element, start);

@@ -57,7 +57,8 @@ pub enum EncodeProblem {
     #[error("this controller has no {}: it reports no offset of it ($#)", work_system(*system))]
     WorkOffset { system: u8 },
     #[error(
-        "the program moves {letter}, and this controller has no axis {letter}: its axes are {axes}"
+        "the program moves {letter}, and this controller has no axis {letter}: its axes are {axes}; \
+         delete these words, or run the program on a machine with {letter}"
     )]
     NoAxis { letter: char, axes: String },
     #[error(

@@ -91,6 +91,18 @@ impl MachineLimits {
         self.jerk_mm_per_s3.map(|jerk| self.along(unit, jerk, |it| it.jerk_per_s3))
     }
 
+    /// Why the time of a path may be wrong on this machine; `None` where it is known.
+    ///
+    /// grblHAL plans with a mean acceleration where it limits jerk. Its ramps follow other rules, and depend
+    /// on `ACCELERATION_TICKS_PER_SECOND`, which no board reports (docs/machine.md, Time).
+    pub fn time_doubt(&self) -> Option<&'static str> {
+        self.jerk_mm_per_s3.map(|_| {
+            "the time: the controller limits jerk ($800 and up); its ramps take longer than it plans, \
+             some of them several times as long. Take the time for the least, or build grblHAL \
+             without ENABLE_JERK_ACCELERATION"
+        })
+    }
+
     /// The most along a direction at which no axis exceeds its own.
     fn along(&self, unit: Direction, limits: Position, of: impl Fn(&FurtherLimits) -> f64) -> f64 {
         let share = |axis: usize| unit[axis].abs() / limits[axis];

@@ -253,3 +253,18 @@ fn a_file_names_its_axes_and_has_a_value_for_each() {
         }
     }
 }
+
+#[test]
+fn the_time_is_in_doubt_where_grblhal_limits_jerk() {
+    let jerk = [(800, 5_000.0), (801, 5_000.0), (802, 2_000.0)];
+    for (firmware, changes, is_in_doubt) in [
+        (Firmware::GrblHal, &jerk[..], true),
+        (Firmware::GrblHal, &[], false),
+        // No jerk is theirs, whatever they keep under these numbers.
+        (Firmware::Grbl, &jerk, false),
+        (Firmware::FluidNc, &jerk, false),
+    ] {
+        let limits = MachineLimits::of(&settings(firmware, "", changes)).expect("a machine");
+        assert_eq!(limits.time_doubt().is_some(), is_in_doubt, "{firmware:?} {changes:?}");
+    }
+}

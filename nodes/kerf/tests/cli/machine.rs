@@ -71,6 +71,19 @@ fn a_program_that_fits_says_so_with_its_time() {
 }
 
 #[test]
+fn a_time_that_jerk_makes_doubtful_is_named_so() {
+    let folder = folder("G21 G90\nT1 M6\nG0 Z20\nG0 X0 Y0\nG1 X100 F600\nM2\n");
+    let text = MACHINE.replace("firmware: grbl", "firmware: grblHAL");
+    let jerk = "  800: 5000\n  801: 5000\n  802: 2000\noffsets_mm";
+    for (text, is_said) in [(text.clone(), false), (text.replace("offsets_mm", jerk), true)] {
+        std::fs::write(folder.path().join("router.yaml"), text).expect("written");
+        let ran = said(&folder, &PLAN).expect(0);
+        let doubt = "not judged: the time: the controller limits jerk ($800 and up)";
+        assert_eq!(ran.out.contains(doubt), is_said, "{}", ran.out);
+    }
+}
+
+#[test]
 fn a_program_that_leaves_the_machine_is_refused_with_line_place_and_numbers() {
     let folder = folder("G21 G90\nG0 Z20\nG0 X0 Y0\nG55\nG1 X112.5 Y0 F600\nM2\n");
     said(&folder, &PLAN).expect(1).says(&[
