@@ -1,5 +1,6 @@
 //! A machine whose line, controller and commander are in the hands of a test.
 
+use super::cable::Cable;
 use super::commander::{Commander, Running};
 use super::controller::Controller;
 use super::machine::{Machine, SLOW_POLLING, Turn, domain, until};
@@ -89,6 +90,7 @@ pub(crate) struct Plan<'a> {
     pub(crate) surround: &'a dyn Fn(Command, &Path) -> Command,
     /// The program that is loaded.
     pub(crate) program: Serpentine,
+    pub(crate) cable: Cable,
 }
 
 impl Default for Plan<'_> {
@@ -100,6 +102,7 @@ impl Default for Plan<'_> {
             resets_when_opened: false,
             surround: &|command, _| command,
             program: Serpentine::SHORT_LINES,
+            cable: Cable::wanted(),
         }
     }
 }
@@ -116,8 +119,8 @@ impl Cell {
         let number = controller.port().file_name().expect("a number").to_string_lossy();
         let name = format!("kerf-line-{}-{number}", std::process::id());
         let link = std::env::temp_dir().join(name);
-        let wire = Wire::new(&link, controller.port(), reset);
-        let port = format!("axis_driver:port:={}", link.display());
+        let wire = Wire::new(&link, controller.port(), reset, plan.cable);
+        let port = format!("axis_driver:port:={}", wire.port().display());
         let mut ros = vec!["-p", &port];
         ros.extend(SLOW_POLLING);
         ros.extend(plan.ros);

@@ -4,6 +4,9 @@
 //! The nodes are processes, and so is the controller; the line between them is in the
 //! hands of the test, and so is everybody's clock, disk and life.
 
+#[path = "../support/cable.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod cable;
 #[path = "../support/commander.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod commander;

@@ -1,14 +1,14 @@
 //! Loader, planner and recorder die in a run: the driver has what it needs.
 
+use super::cable::Cable;
 use super::cell::{Cell, Plan, Serpentine};
 use super::machine::{kill_at_once, until};
 use cnc_msgs::wire::cnc_msgs::action::RunProgramResult;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 
-#[test]
-fn a_run_continues_to_its_end_when_loader_planner_and_recorder_die() {
+fn nodes_die_in_a_run(cable: Cable) {
     let program = Serpentine { passes: 12, ..Serpentine::SHORT_LINES };
-    let cell = Cell::new(&Plan { program, ..Plan::default() });
+    let cell = Cell::new(&Plan { program, cable, ..Plan::default() });
     let run = cell.run_into_the_midst();
     let moment = cell.moment();
     let nodes = ["program_loader", "compensation_planner", "run_recorder"];
@@ -29,4 +29,11 @@ fn a_run_continues_to_its_end_when_loader_planner_and_recorder_die() {
     }
     // The driver has the path still.
     cell.runs_again();
+}
+
+#[test]
+fn a_run_continues_to_its_end_when_loader_planner_and_recorder_die() {
+    for cable in Cable::BOTH {
+        nodes_die_in_a_run(cable);
+    }
 }

@@ -1,14 +1,14 @@
 //! The driver dies in the middle of a run and is started again; a board that starts anew
 //! when its port is opened.
 
+use super::cable::Cable;
 use super::cell::{Cell, Plan, Serpentine, never_idle};
 use super::machine::{kill_at_once, until};
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
 use cnc_msgs::wire::diagnostic_msgs::msg::DiagnosticStatus;
 
-#[test]
-fn a_driver_that_is_started_again_in_a_run_holds_and_does_nothing_else() {
-    let plan = Plan { time_factor: 1, program: Serpentine::LONG_LINES, ..Plan::default() };
+fn the_driver_dies_in_a_run(cable: Cable) {
+    let plan = Plan { time_factor: 1, program: Serpentine::LONG_LINES, cable, ..Plan::default() };
     let cell = Cell::new(&plan);
     let run = cell.run_into_the_midst();
     let moment = cell.moment();
@@ -34,6 +34,13 @@ fn a_driver_that_is_started_again_in_a_run_holds_and_does_nothing_else() {
 }
 
 #[test]
+fn a_driver_that_is_started_again_in_a_run_holds_and_does_nothing_else() {
+    for cable in Cable::BOTH {
+        the_driver_dies_in_a_run(cable);
+    }
+}
+
+#[test]
 fn a_restarted_driver_resets_a_machine_at_rest_once() {
     let cell = Cell::new(&Plan::default());
     let moment = cell.moment();
@@ -54,6 +61,7 @@ fn a_board_that_is_reset_by_its_port_is_reported_unhomed_and_is_reset_only_once(
         controller: &["--homing"],
         ros: &["-p", "axis_driver:dtr:=set", "-p", "axis_driver:rts:=clear"],
         resets_when_opened: true,
+        cable: Cable::Terminal,
         ..Plan::default()
     };
     let cell = Cell::new(&plan);

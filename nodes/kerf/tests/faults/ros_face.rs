@@ -2,6 +2,7 @@
 //! served, and the next face continues where the last one was. The motion process uses no
 //! DDS, and can be stopped from its own computer without any.
 
+use super::cable::Cable;
 use super::cell::{Cell, Plan, Serpentine};
 use super::machine::{kill_at_once, messages, until};
 use super::support::TIMEOUT;
@@ -44,8 +45,8 @@ impl Blow {
 }
 
 /// Strikes the face in the midst of a run, and expects that nothing is lost.
-fn check(blow: Blow) {
-    let plan = Plan { time_factor: 1, program: Serpentine::LONG_LINES, ..Plan::default() };
+fn check(blow: Blow, cable: Cable) {
+    let plan = Plan { time_factor: 1, program: Serpentine::LONG_LINES, cable, ..Plan::default() };
     let cell = Cell::new(&plan);
     let run = cell.run_into_the_midst();
     let moment = cell.moment();
@@ -106,7 +107,7 @@ fn network_sockets() -> Vec<String> {
 
 #[test]
 fn the_process_that_owns_the_line_has_no_socket_of_the_network_and_no_dds_thread() {
-    let cell = Cell::new(&Plan::default());
+    let cell = Cell::new(&Plan { cable: Cable::Terminal, ..Plan::default() });
     let (motion, face) = (cell.machine.node("axis_driver"), cell.machine.face().expect("a face"));
     let network = network_sockets();
     let of =
@@ -270,20 +271,22 @@ impl Stopper {
 
 #[test]
 fn a_face_that_is_killed_in_a_run_is_replaced_and_the_goal_ends_under_its_id() {
-    check(Blow::Killed);
+    for cable in Cable::BOTH {
+        check(Blow::Killed, cable);
+    }
 }
 
 #[test]
 fn a_face_that_is_stopped_in_a_run_is_replaced_and_the_goal_ends_under_its_id() {
-    check(Blow::Stopped);
+    check(Blow::Stopped, Cable::wanted());
 }
 
 #[test]
 fn a_face_that_is_stopped_and_continued_in_a_run_goes_on() {
-    check(Blow::StoppedAndContinued);
+    check(Blow::StoppedAndContinued, Cable::wanted());
 }
 
 #[test]
 fn a_face_that_aborts_in_a_run_is_replaced_and_the_goal_ends_under_its_id() {
-    check(Blow::Aborts);
+    check(Blow::Aborts, Cable::wanted());
 }

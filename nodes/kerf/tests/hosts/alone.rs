@@ -1,5 +1,6 @@
 //! A machine that is to stay on its host: nothing leaves, nothing comes in.
 
+use super::cable::Cable;
 use super::network::{Host, PORT, Process, SUBNET, until};
 use super::support::{CONTOUR, Folder, TOOLS, run};
 use std::net::UdpSocket;
@@ -9,6 +10,9 @@ use std::time::Duration;
 /// Says to a process of this test program which ports it is to knock at.
 const KNOCKS: &str = "KERF_TEST_KNOCKS";
 
+/// Where a controller in a network listens.
+pub(super) const LISTEN: &str = "tcp://127.0.0.1:7023";
+
 /// The first port that the system gives to whoever asks for any.
 const EPHEMERAL: u16 = 32_768;
 
@@ -16,6 +20,9 @@ const EPHEMERAL: u16 = 32_768;
 fn machine(host: &Host, range: &str, folder: &Folder) -> Process {
     let table = format!("compensation_planner:tool_table:={TOOLS}");
     let mut up = host.kerf(range, &["up", "--virtual-controller", "--time-factor", "50"]);
+    if Cable::wanted() == Cable::Tcp {
+        up.args(["--listen", LISTEN]);
+    }
     up.args(["--ros-args", "-p", &table, "-p", "run_recorder:directory:=bags"]);
     up.args(["-p", "axis_driver:poll_interval_ms:=500"]);
     // It takes its nodes with it when its group is ended.

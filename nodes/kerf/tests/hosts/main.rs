@@ -4,6 +4,9 @@
 //! A host is a network namespace, which needs the rights of root. Where the system refuses
 //! that, these tests say so and prove nothing.
 
+#[path = "../support/cable.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod cable;
 #[path = "../support/mod.rs"]
 mod support;
 

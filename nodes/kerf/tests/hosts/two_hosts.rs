@@ -1,5 +1,7 @@
 //! A machine that is spread over two hosts, and the cable between them.
 
+use super::alone::LISTEN;
+use super::cable::Cable;
 use super::commander::Commander;
 use super::network::{Host, PORT, Process, RMW, SUBNET, until};
 use super::support::{CONTOUR, Folder, Ran, TOOLS, run};
@@ -25,7 +27,6 @@ impl Cell {
         office.connect(&shop);
         let folder = Folder::new();
         let link = folder.path().join("controller");
-        let port = format!("port:={}", link.display());
         let table = format!("tool_table:={TOOLS}");
         let mut nodes = Vec::new();
         let mut start = |host: &Host, args: &[&str]| {
@@ -34,8 +35,14 @@ impl Cell {
             let log = folder.path().join(format!("{}.log", args[0]));
             nodes.push(Process::start(command, &log));
         };
-        let link_path = link.to_str().expect("a path of ours is UTF-8");
-        let controller = ["virtual_controller", "--time-factor", time_factor, "--link", link_path];
+        let link = link.to_str().expect("a path of ours is UTF-8");
+        let at = match Cable::wanted() {
+            Cable::Terminal => ["--link", link],
+            // Each host has a loopback of its own.
+            Cable::Tcp => ["--listen", LISTEN],
+        };
+        let port = format!("port:={}", at[1]);
+        let controller = ["virtual_controller", "--time-factor", time_factor, at[0], at[1]];
         start(&shop, &controller);
         start(&shop, &["axis_driver", "--ros-args", "-p", &port, "-p", "poll_interval_ms:=500"]);
         start(&shop, &["run_recorder", "--ros-args", "-p", "directory:=bags"]);

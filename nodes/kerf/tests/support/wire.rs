@@ -1,23 +1,25 @@
 //! A serial line in the hands of a test: it lies between the driver and a controller.
 //!
-//! To the driver it is a pseudo-terminal with a link, which can be unplugged in the
-//! middle of a byte sequence and come back as another device; to the controller it is
+//! To the driver it is a pseudo-terminal with a link, or a TCP port. It can be unplugged in the
+//! middle of a byte sequence, and a terminal comes back as another device; to the controller it is
 //! the process that has opened its port. It knows lines and marks, and injects faults;
 //! it knows nothing of what the lines mean. All that passes is kept.
 
 #[path = "wire/ends.rs"]
 mod ends;
+#[path = "wire/near.rs"]
+mod near;
 #[path = "wire/trouble.rs"]
 mod trouble;
 
 pub(crate) use trouble::Trouble;
 
+use super::cable::Cable;
 use super::machine::until;
-use super::port::Port;
 use ends::{Ends, open_controller};
 use rustix::pipe::{PipeFlags, pipe_with};
 use std::collections::VecDeque;
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -81,15 +83,15 @@ pub(crate) struct Wire {
 }
 
 impl Wire {
-    /// A line from `link` to the controller's port. With `reset` it ends at a board that
-    /// does so whenever DTR rises.
-    pub(crate) fn new(link: &Path, controller: &Path, reset: Option<Reset>) -> Self {
+    /// A line from `link`, or from a TCP port, to the controller's port. With `reset` it ends at a
+    /// board that does so whenever DTR rises.
+    pub(crate) fn new(link: &Path, controller: &Path, reset: Option<Reset>, cable: Cable) -> Self {
         let controller = open_controller(controller);
         let (woken, wake) =
             pipe_with(PipeFlags::CLOEXEC | PipeFlags::NONBLOCK).expect("a pipe for the wire");
         let line = Arc::new(Mutex::new(Line { reset, ..Line::default() }));
-        let mut ends = Ends::new(&line, link, controller, woken);
-        ends.plug(Port::open().expect("a pseudo-terminal"));
+        let mut ends = Ends::new(&line, link, controller, woken, cable);
+        ends.plug_in();
         let thread = std::thread::Builder::new()
             .name("wire".into())
             .spawn(move || ends.run())
@@ -110,6 +112,14 @@ impl Wire {
     /// Where the link leads; `None` while it is unplugged.
     pub(crate) fn device(&self) -> Option<PathBuf> {
         self.line().device.clone()
+    }
+
+    /// What the driver is told to open.
+    pub(crate) fn port(&self) -> PathBuf {
+        match self.device() {
+            Some(url) if url.starts_with("tcp:") => url,
+            _ => self.link.clone(),
+        }
     }
 
     /// Everything from here on is younger than this.
@@ -216,5 +226,12 @@ impl Drop for Wire {
 impl std::fmt::Debug for Wire {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Wire").field("link", &self.link).finish_non_exhaustive()
+    }
+}
+
+/// Writes what the system takes.
+fn push(to: impl AsFd, bytes: &mut Vec<u8>) {
+    if let Ok(count) = rustix::io::write(to, bytes) {
+        bytes.drain(..count);
     }
 }

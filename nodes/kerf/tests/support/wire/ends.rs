@@ -1,10 +1,12 @@
 //! The thread of a line: passes bytes from one end to the other, and spoils them.
 
-use super::super::port::Port;
-use super::{Line, Passed, Trouble, Wanted, Writer};
+use super::super::cable::Cable;
+use super::near::NearEnd;
+use super::{Line, Passed, Trouble, Wanted, Writer, push};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, open};
 use rustix::io::Errno;
+use std::net::SocketAddr;
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -19,9 +21,12 @@ pub(super) struct Ends {
     link: PathBuf,
     controller: OwnedFd,
     woken: OwnedFd,
-    port: Option<Port>,
+    cable: Cable,
+    /// In a network: it stays the same.
+    address: Option<SocketAddr>,
+    port: Option<NearEnd>,
     /// Another device, with another name.
-    spare: Option<Port>,
+    spare: Option<NearEnd>,
     /// Bytes that the system has not taken yet.
     to_driver: Vec<u8>,
     to_controller: Vec<u8>,
@@ -40,14 +45,18 @@ impl Ends {
         link: &Path,
         controller: OwnedFd,
         woken: OwnedFd,
+        cable: Cable,
     ) -> Self {
+        let spare = (cable == Cable::Terminal).then(|| NearEnd::new(cable, None));
         Self {
             line: Arc::clone(line),
             link: link.to_owned(),
             controller,
             woken,
+            cable,
+            address: None,
             port: None,
-            spare: Port::open().ok(),
+            spare,
             to_driver: Vec::new(),
             to_controller: Vec::new(),
             unfinished: Vec::new(),
@@ -58,13 +67,22 @@ impl Ends {
         }
     }
 
+    /// A port where the last one was.
+    pub(super) fn plug_in(&mut self) {
+        let port = NearEnd::new(self.cable, self.address);
+        self.plug(port);
+    }
+
     /// Puts the link to this port.
-    pub(super) fn plug(&mut self, port: Port) {
-        // Never a moment in which the link leads nowhere.
-        let new = self.link.with_extension("new");
-        let _ = std::fs::remove_file(&new);
-        std::os::unix::fs::symlink(port.path(), &new).expect("a link to the line");
-        std::fs::rename(&new, &self.link).expect("a link to the line");
+    fn plug(&mut self, port: NearEnd) {
+        if self.cable == Cable::Terminal {
+            // Never a moment in which the link leads nowhere.
+            let new = self.link.with_extension("new");
+            let _ = std::fs::remove_file(&new);
+            std::os::unix::fs::symlink(port.path(), &new).expect("a link to the line");
+            std::fs::rename(&new, &self.link).expect("a link to the line");
+        }
+        self.address = port.address();
         self.is_first_opening = true;
         self.boots_until = None;
         let mut line = self.line.lock().unwrap_or_else(PoisonError::into_inner);
@@ -98,13 +116,19 @@ impl Ends {
                 line.wanted.take()
             };
             match wanted {
-                Some(Wanted::PluggedIn) => self.plug(Port::open().expect("a pseudo-terminal")),
+                Some(Wanted::PluggedIn) => self.plug_in(),
                 Some(Wanted::MovedTo(controller)) => {
                     self.controller = controller;
                     self.to_controller.clear();
                     self.unfinished.clear();
-                    let spare = self.spare.take().expect("it is moved once");
-                    self.plug(spare);
+                    match self.spare.take() {
+                        Some(spare) => self.plug(spare),
+                        None => {
+                            // The address is free when nobody listens there.
+                            self.pull();
+                            self.plug_in();
+                        }
+                    }
                 }
                 Some(Wanted::Pulled) => self.pull(),
                 None => {}
@@ -130,8 +154,10 @@ impl Ends {
             PollFd::new(&self.controller, wish(!self.to_controller.is_empty())),
         ];
         if let Some(port) = &self.port {
-            fds.push(PollFd::new(port.master(), wish(!self.to_driver.is_empty())));
-            fds.push(PollFd::new(port.watch(), PollFlags::IN));
+            if let Some(bytes) = port.bytes() {
+                fds.push(PollFd::from_borrowed_fd(bytes, wish(!self.to_driver.is_empty())));
+            }
+            fds.push(PollFd::from_borrowed_fd(port.watch(), PollFlags::IN));
         }
         let patience = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
         // What has failed shows where it is read.
@@ -170,7 +196,7 @@ impl Ends {
     fn write(&mut self) {
         push(&self.controller, &mut self.to_controller);
         if let Some(port) = &self.port {
-            push(port.master(), &mut self.to_driver);
+            port.write(&mut self.to_driver);
         }
     }
 
@@ -216,8 +242,8 @@ impl Ends {
     }
 
     fn read_driver(&mut self) {
-        let Some(port) = &self.port else { return };
-        let said = pull(port.master());
+        let Some(port) = &mut self.port else { return };
+        let said = port.read();
         if said.is_empty() {
             return;
         }
@@ -275,13 +301,6 @@ impl Ends {
 pub(super) fn open_controller(port: &Path) -> OwnedFd {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     open(port, flags, Mode::empty()).expect("the controller's port")
-}
-
-/// Writes what the system takes.
-fn push(to: impl AsFd, bytes: &mut Vec<u8>) {
-    if let Ok(count) = rustix::io::write(to, bytes) {
-        bytes.drain(..count);
-    }
 }
 
 /// Reads what is there.
