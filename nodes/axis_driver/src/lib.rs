@@ -36,4 +36,4 @@ pub mod tool_check;
 pub mod tracker;
 #[cfg(feature = "node")]
 mod transport;
-mod vectors;
+pub mod vectors;

@@ -1,13 +1,10 @@
 //! Lengths and directions of moves.
 
-#[cfg(test)]
-use cnc_msgs::geometry::Shape;
-use cnc_msgs::geometry::{Arc, Position};
+use cnc_msgs::geometry::{Arc, Position, Shape};
 use std::f64::consts::TAU;
 
 /// The length of one element, mm.
-#[cfg(test)]
-pub(crate) fn length_mm(shape: &Shape, start: Position, end: Position) -> f64 {
+pub fn length_mm(shape: &Shape, start: Position, end: Position) -> f64 {
     match shape {
         Shape::Line => norm(minus(end, start)),
         Shape::Arc(arc) => {

@@ -536,13 +536,13 @@ chart.addEventListener("wheel", (event) => {
 }, { passive: false });
 chart.addEventListener("dblclick", () => { span = [0, duration()]; drawChart(); });
 
-// ---- axes that are not in the drawing, over the blocks
+// ---- axes that are not in the drawing, along the path
 
 const strips = by("strips"), brush = strips.getContext("2d");
 // Pixels of one axis, and the most of all of them.
 const STRIP = 84, STRIPS_MAX = 252;
-const blockAt = (box, x, count) => (x - CHART_LEFT) / (box.width - CHART_LEFT - 12) * count;
-let pointed = null;                   // the block below the mouse
+const placeAt = (box, x, length) => (x - CHART_LEFT) / (box.width - CHART_LEFT - 12) * length;
+let pointed = null;                   // the place of the path below the mouse
 
 function drawStrips() {
   if (!sheet.strips.length) return;
@@ -551,10 +551,10 @@ function drawStrips() {
   sheet.strips.forEach((strip, number) => {
     const top = number * each + 18, bottom = (number + 1) * each - 8, right = box.width - 12;
     const [least, most] = strip.range, low = most > least ? least : least - 0.5, range = most > least ? most - least : 1;
-    const x = (block) => CHART_LEFT + block / (strip.blocks || 1) * (right - CHART_LEFT);
+    const x = (along) => CHART_LEFT + along / (strip.length || 1) * (right - CHART_LEFT);
     const y = (value) => bottom - (value - low) / range * (bottom - top);
     brush.fillStyle = "#6b727c";
-    brush.fillText(`${strip.letter} in ${strip.unit}, over the ${strip.blocks} blocks that move something`, CHART_LEFT, top - 6);
+    brush.fillText(`${strip.letter} in ${strip.unit} along ${strip.length.toFixed(1)} mm of path (alone 1 mm a degree)`, CHART_LEFT, top - 6);
     brush.strokeStyle = "#eceef1";
     brush.lineWidth = 1;
     for (const value of most > least ? [least, most] : [least]) {
@@ -569,7 +569,7 @@ function drawStrips() {
     brush.lineWidth = 1.5;
     for (const piece of strip.pieces) {
       brush.beginPath();
-      piece.forEach(([block, value], index) => index ? brush.lineTo(x(block), y(value)) : brush.moveTo(x(block), y(value)));
+      piece.forEach(([along, value], index) => index ? brush.lineTo(x(along), y(value)) : brush.moveTo(x(along), y(value)));
       brush.stroke();
     }
     if (pointed === null) return;
@@ -582,20 +582,20 @@ function drawStrips() {
   });
 }
 
-// The value of an axis at a block, and the line that takes it on from there; null where nobody says it.
-function valueAt(strip, block) {
+// The value of an axis at a place of the path, and the line that takes it on from there; null where nobody says it.
+function valueAt(strip, along) {
   for (const piece of strip.pieces) {
-    const next = piece.findIndex(([at]) => at >= block);
-    if (next < 0 || piece[0][0] > block) continue;
+    const next = piece.findIndex(([at]) => at >= along);
+    if (next < 0 || piece[0][0] > along) continue;
     const [to, value, line] = piece[next], [from, old] = piece[Math.max(0, next - 1)];
-    return [to > from ? old + (value - old) * (block - from) / (to - from) : value, line];
+    return [to > from ? old + (value - old) * (along - from) / (to - from) : value, line];
   }
   return null;
 }
 
 strips.addEventListener("pointermove", (event) => {
-  const box = strips.getBoundingClientRect(), count = sheet.strips[0].blocks;
-  pointed = Math.max(0, Math.min(count, blockAt(box, event.clientX - box.left, count)));
+  const box = strips.getBoundingClientRect(), length = sheet.strips[0].length;
+  pointed = Math.max(0, Math.min(length, placeAt(box, event.clientX - box.left, length)));
   const values = sheet.strips.map((strip) => [strip, valueAt(strip, pointed)]).filter(([, found]) => found);
   const line = Math.min(...values.map(([, [, line]]) => line));
   by("under").textContent = values.map(([strip, [value]]) => `${strip.letter} ${value.toFixed(3)} ${strip.unit}`).join(", ")
