@@ -10,7 +10,7 @@ use runtime::parameters::ParameterValue;
 use runtime::stack_parameters::StackParameters;
 use std::path::PathBuf;
 use tokio::signal::unix::{SignalKind, signal};
-use virtual_controller::{AxisLetters, Firmware, Listen, read_scenario};
+use virtual_controller::{AxisLetters, Firmware, Listen, Scenario, read_scenario};
 
 /// The order in which the nodes are stopped: the machine first, its recorder last.
 pub(crate) const STOP_ORDER: [&str; 4] =
@@ -141,7 +141,12 @@ async fn supervise(args: &UpArgs, ros_args: &[String]) -> CommandResult {
         drop(free);
     }
     if let Some(scenario) = &args.scenario {
-        read_scenario(scenario).map_err(|why| Failure::usage(format_args!("--scenario: {why}")))?;
+        let replace = |it: &mut Scenario| {
+            it.firmware = args.firmware.or(it.firmware);
+            it.axes = args.axes.or(it.axes);
+        };
+        read_scenario(scenario, replace)
+            .map_err(|why| Failure::usage(format_args!("--scenario: {why}")))?;
     }
     if args.virtual_controller {
         let (flag, port) = match args.listen {

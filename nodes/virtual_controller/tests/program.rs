@@ -63,7 +63,10 @@ fn the_program_prints_its_port_makes_a_link_and_removes_it() {
     let mut peer = Peer::open(&link);
     peer.expect("help]\r\n");
     peer.send(b"$$\n");
-    assert!(peer.expect("ok\r\n").contains("\r\n$110=1234.000\r\n"));
+    let settings = peer.expect("ok\r\n");
+    for wanted in ["\r\n$110=1234.000\r\n", "\r\n$133=360.000\r\n"] {
+        assert!(settings.contains(wanted), "{settings}");
+    }
     child.terminate();
     assert_eq!(ends(child), 0);
     assert!(std::fs::symlink_metadata(&link).is_err(), "the link is gone");
@@ -130,12 +133,13 @@ fn a_scenario_has_all_arguments_and_arguments_override_it() {
     let file = folder.path().join("scenario.yaml");
     std::fs::write(
         &file,
-        "firmware: grblhal\nsettings: {$110: 1234}\nreceive_buffer_bytes: 254\n\
+        "firmware: grblhal\nsettings: {$110: 1234, $133: 360}\nreceive_buffer_bytes: 254\n\
          start_mm: [-1, -2, -3]\nfaults: [lose-ok@line=1]\n",
     )
     .unwrap();
     let scenario = ["--scenario", file.to_str().unwrap()];
-    let more = ["--receive-buffer", "300", "--fault", "push:[MSG:hello]@line=2"];
+    // $133 is the travel of an axis that only the arguments have.
+    let more = ["--axes", "XYZA", "--receive-buffer", "300", "--fault", "push:[MSG:hello]@line=2"];
     let (child, path) = run(&[&scenario[..], &more].concat());
     let mut peer = Peer::open(&path);
     peer.expect("GrblHAL 1.1f ['$' or '$HELP' for help]\r\n");
@@ -143,10 +147,13 @@ fn a_scenario_has_all_arguments_and_arguments_override_it() {
     let received = peer.expect(">\r\n");
     // The first answer is lost, the second triggers the message.
     assert!(received.starts_with("error:3\r\n[MSG:hello]\r\n"), "{received}");
-    assert!(received.contains("[OPT:VNML+,100,300,3,0]"), "{received}");
-    assert!(received.contains("|MPos:-1.000,-2.000,-3.000|"), "{received}");
+    assert!(received.contains("[OPT:VNML+,100,300,4,0]"), "{received}");
+    assert!(received.contains("|MPos:-1.000,-2.000,-3.000,0.000|"), "{received}");
     peer.send(b"$$\n");
-    assert!(peer.expect("ok\r\n").contains("\r\n$110=1234.000\r\n"));
+    let settings = peer.expect("ok\r\n");
+    for wanted in ["\r\n$110=1234.000\r\n", "\r\n$133=360.000\r\n"] {
+        assert!(settings.contains(wanted), "{settings}");
+    }
     child.terminate();
     assert_eq!(ends(child), 0);
 }

@@ -156,11 +156,15 @@ fn stop_on_signals(handle: &StopHandle) -> io::Result<()> {
 }
 
 fn options(arguments: Arguments) -> Result<ServeOptions, String> {
-    let mut scenario = match &arguments.scenario {
-        None => Scenario::default(),
-        Some(path) => read_scenario(path)?,
+    let replace = |scenario: &mut Scenario| override_with(scenario, &arguments);
+    let scenario = match &arguments.scenario {
+        None => {
+            let mut scenario = Scenario::default();
+            replace(&mut scenario);
+            scenario
+        }
+        Some(path) => read_scenario(path, replace)?,
     };
-    override_with(&mut scenario, &arguments);
     let mut settings = scenario.settings().map_err(|error| error.to_string())?;
     if let Some(path) = &arguments.settings {
         apply(&mut settings, &read(path)?).map_err(|error| format!("{}{error}", path.display()))?;
@@ -184,13 +188,13 @@ fn options(arguments: Arguments) -> Result<ServeOptions, String> {
     })
 }
 
-/// Reads a scenario from a file.
+/// Reads a scenario from a file; the command line replaces some of its values.
 ///
 /// # Errors
 /// The file cannot be read, or is not a scenario. The message names the file and the line.
-pub fn read_scenario(path: &Path) -> Result<Scenario, String> {
+pub fn read_scenario(path: &Path, replace: impl FnOnce(&mut Scenario)) -> Result<Scenario, String> {
     let text = read(path)?;
-    Scenario::from_yaml(&text).map_err(|error| format!("{}:{error}", path.display()))
+    Scenario::from_yaml_with(&text, replace).map_err(|error| format!("{}:{error}", path.display()))
 }
 
 fn read(path: &Path) -> Result<String, String> {

@@ -139,12 +139,24 @@ impl Scenario {
     /// # Errors
     /// The text is not YAML, or has an unknown key or a value that is not allowed.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
+        Self::from_yaml_with(text, |_| {})
+    }
+
+    /// Reads a scenario of which some values are then replaced: its settings are those of that board.
+    ///
+    /// # Errors
+    /// As of [`Self::from_yaml`].
+    pub fn from_yaml_with(
+        text: &str,
+        replace: impl FnOnce(&mut Self),
+    ) -> Result<Self, ScenarioError> {
         let scenario: Option<Self> = from_str(text, &Limits::FILE).map_err(|error| {
             // The place comes first, where editors look for it.
             let at = error.line.zip(error.column);
             ScenarioError::Form { at, reason: error.reason }
         })?;
-        let scenario = scenario.unwrap_or_default();
+        let mut scenario = scenario.unwrap_or_default();
+        replace(&mut scenario);
         scenario.settings()?;
         Ok(scenario)
     }
