@@ -11,6 +11,7 @@ mod cable;
 mod support;
 
 mod alone;
+mod board;
 mod commander;
 mod network;
 mod two_hosts;
