@@ -31,17 +31,19 @@ pub fn controls() -> impl Iterator<Item = &'static str> {
     IN_ORDER.into_iter().filter(|control| manual(*control).is_some()).map(Control::name)
 }
 
-/// Letter and last number of the rows of a control's manual. `None`: its rows are tested elsewhere.
-pub fn manual(control: Control) -> Option<(char, u32)> {
-    match control {
+/// The identifiers of the rows of a control's manual. `None`: its rows are tested elsewhere.
+pub fn manual(control: Control) -> Option<Vec<String>> {
+    let (letter, last, worked_programs) = match control {
         // LinuxCNC, which the oracles compare with.
-        Control::Rs274 => None,
-        Control::Masso => Some(('M', 30)),
-        Control::Automation1 => Some(('A', 22)),
-        Control::OspLathe => Some(('O', 8)),
-        Control::Sinumerik840c => Some(('S', 73)),
-        Control::Nct => Some(('N', 10)),
-    }
+        Control::Rs274 => return None,
+        Control::Masso => ('M', 30, 0),
+        Control::Automation1 => ('A', 22, 0),
+        Control::OspLathe => ('O', 8, 0),
+        Control::Sinumerik840c => ('S', 73, 2),
+        Control::Nct => ('N', 10, 0),
+    };
+    let rules = (1..=last).map(|n| format!("{letter}{n:02}"));
+    Some(rules.chain((1..=worked_programs).map(|n| format!("W{n}"))).collect())
 }
 
 /// One rule of a control.

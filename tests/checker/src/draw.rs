@@ -5,6 +5,7 @@
 //! anywhere.
 
 mod contour;
+mod language;
 mod outline;
 mod writer;
 
@@ -13,6 +14,7 @@ use crate::program::{CONTROLS, Corner, Element, End, Program, Role, Span};
 use crate::random::Random;
 use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use contour::{Planned, closed, lead, open};
+use language::{ChangeOfSide, Language};
 use settings::Control;
 use std::f64::consts::PI;
 use writer::Writer;
@@ -34,6 +36,7 @@ const ARC_LEADS: u64 = 0x1_0000_0108;
 /// What is the same all through a program.
 struct Job {
     control: Control,
+    language: Language,
     /// Never negative, mm.
     radius_mm: f64,
     /// The size of what is drawn goes by this: tools fit better into larger contours, mm.
@@ -50,31 +53,27 @@ struct Job {
 }
 
 fn attempt(seed: u64, control: Control, random: &mut Random) -> Option<Program> {
-    let axes = match control {
-        Control::OspLathe => [2, 0, 1],
-        Control::Masso => [0, 1, 2],
-        _ => random.of(&[[0, 1, 2], [0, 1, 2], [0, 1, 2], [2, 0, 1], [1, 2, 0]]),
+    let language = Language::of(control);
+    let axes = match language.only_plane {
+        Some(axes) => axes,
+        None => random.of(&[[0, 1, 2], [0, 1, 2], [0, 1, 2], [2, 0, 1], [1, 2, 0]]),
     };
-    let mut writer = Writer::new(control, random.of(&[3, 3, 4, 6]), axes);
+    let mut writer = Writer::new(language, random.of(&[3, 3, 4, 6]), axes);
     let radius_mm = random.of(&[0.4, 1.0, 2.0, 3.0, 5.0, 8.0]);
     let radius_mm =
         if random.once_in(3) { (random.between(0.3, 8.0) * 1e3).round() / 1e3 } else { radius_mm };
     let other_radius_mm = ((radius_mm * random.of(&[0.9, 0.98, 1.02, 1.1])) * 1e3).round() / 1e3;
-    let sign = match control {
-        Control::Automation1 | Control::OspLathe => 1.0,
-        _ => random.of(&[1.0, 1.0, 1.0, 1.0, -1.0]),
+    let sign = match language.has_negative_radius {
+        true => random.of(&[1.0, 1.0, 1.0, 1.0, -1.0]),
+        false => 1.0,
     };
     let mut arcs = Random::new(seed ^ ARC_LEADS);
-    let has_arcs = control == Control::Rs274 && arcs.once_in(4);
+    let has_arcs = language.has_arc_leads && arcs.once_in(4);
     let mut job = Job {
         control,
+        language,
         radius_mm,
-        drawn_mm: radius_mm
-            * if control == Control::OspLathe {
-                random.of(&[2.0, 2.01, 4.0, 8.0])
-            } else {
-                random.of(&[1.0, 2.0, 4.0, 8.0])
-            },
+        drawn_mm: radius_mm * random.of(&language.sizes),
         other_radius_mm,
         sign,
         tool_words: String::new(),
@@ -99,10 +98,9 @@ fn attempt(seed: u64, control: Control, random: &mut Random) -> Option<Program> 
             origin = origin + point(60.0 * job.drawn_mm, random.between(-40.0, 40.0));
         }
     }
-    if control == Control::OspLathe || control == Control::Sinumerik840c {
-        writer.block("M5");
+    for block in language.end {
+        writer.block(block);
     }
-    writer.block(if control == Control::Sinumerik840c { "M30" } else { "M2" });
     job.features.sort_unstable();
     job.features.dedup();
     let Job { features, .. } = job;
@@ -182,12 +180,12 @@ fn draw_spans(
         false => (open(job, angle, origin, random), false),
     };
     let (first, last) = (planned.first()?.piece, planned.last()?.piece);
-    // The lathe refuses an arc that it runs inside of and that is not twice as large.
+    // Some refuse an arc that the tool runs inside of and that is not twice as large.
     let is_tight = |it: &Planned| match it.piece {
         Piece::Arc { radius, sweep, .. } => sweep * side > 0.0 && radius < 2.0 * radius_mm,
         Piece::Line { .. } => false,
     };
-    if job.control == Control::OspLathe && planned.iter().any(is_tight) && !random.once_in(30) {
+    if job.language.refuses_tight_arcs && planned.iter().any(is_tight) && !random.once_in(30) {
         return None;
     }
     let (begin, end, select, cancel, corner) = words(writer, job, random);
@@ -195,12 +193,12 @@ fn draw_spans(
     let outside = writer.rounded(outside);
     writer.go("G0", outside);
     writer.height("G1", *height_mm);
-    let rapid = job.control != Control::Automation1 && random.once_in(8);
+    let rapid = job.language.has_rapid_leads && random.once_in(8);
     if rapid {
         job.features.push("rapid leads");
     }
     let mode = if rapid { "G0" } else { "G1" };
-    if rapid && job.control == Control::OspLathe {
+    if rapid && job.language.repeats_feed {
         writer.block("G1 F600");
     }
     let words = format!("{word}{}{select} ", job.tool_words);
@@ -232,8 +230,7 @@ fn draw_spans(
     if !is_simple(&span) {
         return None;
     }
-    let may_change =
-        matches!(job.control, Control::OspLathe | Control::Nct | Control::Sinumerik840c);
+    let may_change = job.language.change_of_side != ChangeOfSide::Never;
     let mut spans = Vec::new();
     if may_change && !is_closed && changes_at.is_none() && random.once_in(4) {
         job.features.push("change of side");
@@ -288,7 +285,7 @@ fn other_side(
     let other = if word == "G41" { "G42" } else { "G41" };
     let mut select = format!("{other} ");
     let mut start = last.end();
-    if job.control == Control::Sinumerik840c {
+    if job.language.change_of_side == ChangeOfSide::OnOwnMove {
         let far = radius_mm * random.of(&[2.0, 4.0, 8.0]);
         start = start + point(far, 0.0).turned(random.between(0.0, 2.0 * PI));
         writer.go(&format!("{select}G1"), start);
@@ -338,12 +335,14 @@ fn words(
 
 /// The block that calls another tool, if one does: a straight one, not the first or the last.
 fn change_of_tool(job: &mut Job, planned: &[Planned], random: &mut Random) -> Option<usize> {
-    let may_change = matches!(job.control, Control::Nct | Control::Sinumerik840c);
     let is_long = |index: &usize| match planned[*index].piece {
         Piece::Line { .. } => planned[*index].piece.length() > 2.0 * job.radius_mm,
         Piece::Arc { .. } => false,
     };
-    if !may_change || !random.once_in(5) || planned.iter().any(|it| it.is_copy || it.pass > 0) {
+    if !job.language.has_change_of_tool
+        || !random.once_in(5)
+        || planned.iter().any(|it| it.is_copy || it.pass > 0)
+    {
         return None;
     }
     let at = (1..planned.len().saturating_sub(1)).find(is_long)?;

@@ -61,10 +61,12 @@ fn a_path_for_another_radius_is_found() {
         for offset in other.tools.offsets.values_mut() {
             offset.radius_mm *= 1.03;
         }
-        // Their radius is in the program.
-        if matches!(program.control, Control::Automation1 | Control::Masso)
-            || program.text.contains(".1 D")
-        {
+        let is_radius_in_program = match program.control {
+            Control::Automation1 | Control::Masso => true,
+            Control::Rs274 => program.text.contains(".1 D"),
+            Control::OspLathe | Control::Sinumerik840c | Control::Nct => false,
+        };
+        if is_radius_in_program {
             continue;
         }
         let verdict = product(&other, &profiles);

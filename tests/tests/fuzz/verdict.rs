@@ -310,7 +310,11 @@ fn written(
         let rounded = (value * unit).round() / unit;
         if rounded == 0.0 { 0.0 } else { rounded }
     };
-    let is_lathe = control == Control::OspLathe;
+    let (is_lathe, knows_radius) = match control {
+        Control::OspLathe => (true, false),
+        Control::Automation1 | Control::Sinumerik840c => (false, false),
+        Control::Rs274 | Control::Masso | Control::Nct => (false, true),
+    };
     // The first letter of a lathe's plane is Z; X is a diameter.
     let at = |p: Point| {
         let [a, b] = p.map(round);
@@ -338,9 +342,13 @@ fn written(
             text += &format!("T1 M6\nG0 {}\nF100\n", at(aside(start, random)));
             ""
         }
-        Control::Sinumerik840c | Control::Nct => {
+        Control::Nct => {
             text += &format!("N1 G0 {}\nN2 F100\n", at(aside(start, random)));
-            if control == Control::Sinumerik840c && random.once_in(2) {
+            " D1"
+        }
+        Control::Sinumerik840c => {
+            text += &format!("N1 G0 {}\nN2 F100\n", at(aside(start, random)));
+            if random.once_in(2) {
                 text += "N3 G451\n";
             }
             " D1"
@@ -381,12 +389,7 @@ fn written(
         let from = from.map(round);
         let offset = [round(center[0] - from[0]), round(center[1] - from[1])];
         let (i, j) = if is_lathe { ("K", "I") } else { ("I", "J") };
-        if random.once_in(4)
-            && fillet > 0.0
-            && !is_lathe
-            && control != Control::Sinumerik840c
-            && control != Control::Automation1
-        {
+        if random.once_in(4) && fillet > 0.0 && knows_radius {
             let _ = writeln!(text, "{word} {} R{fillet}", at(to));
         } else {
             let _ = writeln!(text, "{word} {} {i}{} {j}{}", at(to), offset[0], offset[1]);

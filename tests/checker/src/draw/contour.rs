@@ -4,7 +4,6 @@ use super::{Job, outline};
 use crate::piece::{Piece, Point, point};
 use crate::program::Role;
 use crate::random::Random;
-use settings::Control;
 use std::f64::consts::PI;
 
 /// A block of a contour before it is written.
@@ -54,7 +53,7 @@ pub(super) fn closed(
     random: &mut Random,
 ) -> (Vec<Planned>, bool) {
     let radius_mm = job.radius_mm;
-    let may_be_whole = job.control != Control::Masso;
+    let may_be_whole = job.language.has_full_circle;
     let mut ring: Vec<Piece> = outline::closed(random, job.drawn_mm);
     while ring.len() == 1 && !may_be_whole {
         ring = outline::closed(random, job.drawn_mm);
@@ -75,7 +74,6 @@ pub(super) fn closed(
         planned[count - 1].piece = Piece::line(last.start(), to);
         return (planned, true);
     }
-    let may_go_down = !matches!(job.control, Control::Masso | Control::OspLathe);
     match random.below(4) {
         0 => {
             job.features.push("overlap");
@@ -88,7 +86,7 @@ pub(super) fn closed(
                 }
             }
         }
-        1 if may_go_down => {
+        1 if job.language.has_depths => {
             job.features.push("several depths");
             for pass in 1..=1 + random.below(2) {
                 let at_depth = ring.iter().enumerate().map(|(index, &piece)| Planned {

@@ -1,14 +1,14 @@
 //! Programs in the language of each control, and the geometry of what was written.
 
+use super::language::Language;
 use crate::piece::{Piece, Point, point};
 use crate::random::Random;
-use settings::Control;
 use std::f64::consts::TAU;
 
 /// Writes blocks and says what they mean.
 #[derive(Debug)]
 pub(super) struct Writer {
-    pub control: Control,
+    language: Language,
     decimals: usize,
     /// Of a position: first and second axis of the plane, and the height.
     pub axes: [usize; 3],
@@ -21,13 +21,9 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    pub(super) fn new(control: Control, decimals: usize, axes: [usize; 3]) -> Self {
+    pub(super) fn new(language: Language, decimals: usize, axes: [usize; 3]) -> Self {
         let (text, at) = (String::new(), point(0.0, 0.0));
-        Self { control, decimals, axes, text, line: 0, at, words: "" }
-    }
-
-    pub(super) fn is_lathe(&self) -> bool {
-        self.control == Control::OspLathe
+        Self { language, decimals, axes, text, line: 0, at, words: "" }
     }
 
     pub(super) fn block(&mut self, words: &str) {
@@ -38,7 +34,7 @@ impl Writer {
 
     /// To a height, where there is one.
     pub(super) fn height(&mut self, mode: &str, height_mm: f64) {
-        if !self.is_lathe() {
+        if !self.language.is_lathe {
             let letter = ["X", "Y", "Z"][self.axes[2]];
             self.block(&format!("{mode} {letter}{height_mm}"));
         }
@@ -67,7 +63,7 @@ impl Writer {
     fn place(&self, at: Point) -> String {
         let letters = self.axes.map(|axis| ["X", "Y", "Z"][axis]);
         // On a lathe X is a diameter.
-        let second = if self.is_lathe() { 2.0 * at.v } else { at.v };
+        let second = if self.language.is_lathe { 2.0 * at.v } else { at.v };
         self.number(letters[0], at.u) + &self.number(letters[1], second)
     }
 
@@ -89,13 +85,12 @@ impl Writer {
         let word = if is_ccw { "G3" } else { "G2" };
         let (from, to) = (self.at, self.rounded(piece.end()));
         let words = std::mem::take(&mut self.words);
-        let knows_radius = !matches!(self.control, Control::Sinumerik840c | Control::Automation1);
-        if knows_radius && (0.2..2.6).contains(&sweep.abs()) && random.once_in(4) {
+        let letter = self.language.radius_letter.filter(|_| (0.2..2.6).contains(&sweep.abs()));
+        if let Some(letter) = letter.filter(|_| random.once_in(4)) {
             let radius = self.round(center.to(piece.start()));
             let half = (to - from) * 0.5;
             let far = (radius * radius - half.dot(half)).max(0.0).sqrt();
             let center = from + half + half.unit().left() * if is_ccw { far } else { -far };
-            let letter = if self.is_lathe() { "L" } else { "R" };
             let radius = self.number(letter, radius);
             self.block(&format!("{mode}{word}{}{radius}{words}", self.place(to)));
             self.at = to;
