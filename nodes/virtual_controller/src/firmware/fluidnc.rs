@@ -1,6 +1,9 @@
 //! FluidNC 4 on an ESP32. Source: its code and documents; it was not run.
 
-use super::{AcceptedInput, Boot, BuildFacts, Feedback, Fields, Flush, Traits, Vocabulary, grbl};
+use super::{
+    AcceptedInput, Boot, BuildFacts, Feedback, Fields, Flush, Greeting, SettingNumbers, Traits,
+    Vocabulary, grbl,
+};
 use crate::codes::ErrorCode;
 use crate::line::{LineEnds, LineRules, OverlongLine};
 use crate::receive::{Realtime, realtime as common};
@@ -8,6 +11,9 @@ use crate::settings::Settings;
 
 pub(super) static TRAITS: Traits = Traits {
     banner: "Grbl 4.0 [FluidNC v4.0.5-pre2 (noradio) '$' for help]",
+    greeting: Greeting { notices: &["currentID:0", "CURRENT_ID:0"], line: None },
+    setting_numbers: SettingNumbers::Grbl,
+    prints_rpm_decimals: false,
     boot: Boot {
         seconds: 0.5,
         chatter: &[

@@ -1,6 +1,9 @@
 //! grbl 1.1h.
 
-use super::{AcceptedInput, Boot, BuildFacts, Feedback, Fields, Flush, Traits, Vocabulary};
+use super::{
+    AcceptedInput, Boot, BuildFacts, Feedback, Fields, Flush, Greeting, SettingNumbers, Traits,
+    Vocabulary,
+};
 use crate::axes::AxisLetters;
 use crate::codes::ErrorCode;
 use crate::gcode::{ArcPrecision, Digits};
@@ -15,6 +18,9 @@ const MAIN_LOOP: Duration = Duration::from_millis(2);
 /// As on an Arduino Uno.
 pub(super) static TRAITS: Traits = Traits {
     banner: "Grbl 1.1h ['$' for help]",
+    greeting: Greeting { notices: &[], line: None },
+    setting_numbers: SettingNumbers::Grbl,
+    prints_rpm_decimals: false,
     boot: Boot { seconds: 0.0, chatter: &[] },
     blocks_max: 15,
     receive_buffer_bytes: 128,

@@ -1,7 +1,9 @@
 //! grblHAL, core of August 2026, as its simulator is built.
 
 use super::grbl::feedback;
-use super::{AcceptedInput, Boot, BuildFacts, Fields, Flush, Traits, Vocabulary};
+use super::{
+    AcceptedInput, Boot, BuildFacts, Fields, Flush, Greeting, SettingNumbers, Traits, Vocabulary,
+};
 use crate::axes::AxisLetters;
 use crate::codes::ErrorCode;
 use crate::gcode::{ArcPrecision, Digits};
@@ -9,8 +11,14 @@ use crate::line::{LineEnds, LineRules, OverlongLine};
 use crate::receive::{Realtime, realtime as common};
 use crate::settings::Settings;
 
+/// Also said in each session of a network port, though nothing has restarted.
+const BANNER: &str = "GrblHAL 1.1f ['$' or '$HELP' for help]";
+
 pub(super) static TRAITS: Traits = Traits {
-    banner: "GrblHAL 1.1f ['$' or '$HELP' for help]",
+    banner: BANNER,
+    greeting: Greeting { notices: &[], line: Some(BANNER) },
+    setting_numbers: SettingNumbers::GrblHal,
+    prints_rpm_decimals: true,
     boot: Boot { seconds: 0.0, chatter: &[] },
     blocks_max: 100,
     receive_buffer_bytes: 1024,

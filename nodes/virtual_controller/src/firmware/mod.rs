@@ -1,8 +1,7 @@
 //! The firmware families, and every point in which they differ.
 //!
 //! grbl 1.1h is the reference. Where grblHAL or FluidNC differ, a value of their [`Traits`] says
-//! how. The rest of the crate asks for a trait; only the table of settings and the greeting of a client
-//! ask for a name. One file for each family.
+//! how. The rest of the crate asks for a trait, never for a name. One file for each family.
 
 mod fluidnc;
 mod grbl;
@@ -92,6 +91,13 @@ impl FromStr for Firmware {
 pub(crate) struct Traits {
     /// Sent after an empty line at every reset.
     pub(crate) banner: &'static str,
+    /// Said first in each session of a network port.
+    #[cfg_attr(not(feature = "node"), expect(dead_code, reason = "ports belong to the node"))]
+    pub(crate) greeting: Greeting,
+    /// Which numbers its settings have.
+    pub(crate) setting_numbers: SettingNumbers,
+    /// `$30` and `$31` are printed with decimals.
+    pub(crate) prints_rpm_decimals: bool,
     /// Sent before the banner at power-up.
     pub(crate) boot: Boot,
     /// Blocks that the planner holds.
@@ -157,6 +163,25 @@ pub(crate) struct Traits {
     pub(crate) door_resuming: u8,
     /// Is `$SLP` allowed, with these settings?
     pub(crate) may_sleep: fn(&Settings) -> bool,
+}
+
+/// What a board says first in each session of a network port.
+#[derive(Debug, Clone, Copy, Default)]
+#[cfg_attr(not(feature = "node"), expect(dead_code, reason = "ports belong to the node"))]
+pub(crate) struct Greeting {
+    /// To a WebSocket, as frames of text.
+    pub(crate) notices: &'static [&'static str],
+    /// As a line, though nothing has restarted.
+    pub(crate) line: Option<&'static str>,
+}
+
+/// How the settings are numbered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SettingNumbers {
+    /// As grbl numbers them.
+    Grbl,
+    /// As grblHAL does, which has more of them and uses some numbers for wider ones.
+    GrblHal,
 }
 
 /// How long a board takes to start, and what it prints meanwhile.

@@ -11,29 +11,10 @@ use tungstenite::{Error, Message, WebSocket};
 
 use super::gateway::{Gateway, escape};
 use super::listen::Protocol;
-use crate::Firmware;
+use crate::firmware::Greeting;
 
 /// Bytes to a client that does not read, before it counts as gone.
 const UNREAD_BYTES_MAX: usize = 256 * 1024;
-/// What a board says first in each session.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Greeting {
-    /// To a WebSocket, as frames of text.
-    notices: &'static [&'static str],
-    /// As a line: grblHAL's start message, though nothing has restarted.
-    line: Option<&'static str>,
-}
-
-impl Greeting {
-    pub(super) fn of(firmware: Firmware) -> Self {
-        match firmware {
-            Firmware::Grbl => Self::default(),
-            Firmware::GrblHal => Self { line: Some(firmware.traits().banner), ..Self::default() },
-            Firmware::FluidNc => Self { notices: &["currentID:0", "CURRENT_ID:0"], line: None },
-        }
-    }
-}
-
 /// A connection that was accepted.
 #[derive(Debug)]
 pub(super) struct Client {

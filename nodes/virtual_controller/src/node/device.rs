@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, poll};
 
-use super::client::Greeting;
 use super::listen::Listen;
 use super::network::NetworkPort;
 use super::port::{Cable, Port};
 use super::serve::{BACKLOG_BYTES_MAX, ServeError, UNREAD_BYTES_MAX, timespec};
 use super::stop::Stop;
+use crate::firmware::Greeting;
 use crate::paced::{Device, LineTiming, PacedLine};
 
 /// Runs a device at a link until `stop`.

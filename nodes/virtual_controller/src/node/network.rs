@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 
 use rustix::event::PollFlags;
 
-use super::client::{Client, Greeting};
+use super::client::Client;
 use super::listen::Listen;
 use super::serve::ServeError;
+use crate::firmware::Greeting;
 
 /// A port that may be gone for a while, and its session.
 #[derive(Debug)]

@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use rustix::event::PollFlags;
 
-use super::client::Greeting;
 use super::listen::Listen;
 use super::network::NetworkPort;
 use super::opens::Opens;
 use super::pty::{Link, Pty};
 use super::serve::ServeError;
+use crate::firmware::Greeting;
 
 /// How peers reach a device.
 #[derive(Debug, Clone)]

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
-use super::client::Greeting;
 use super::listen::Listen;
 use super::port::{Cable, Port};
 use super::report;
@@ -131,7 +130,7 @@ pub fn serve(
         Some(listen) => Cable::Network {
             listen,
             keeps_session: options.keeps_session,
-            greeting: Greeting::of(options.build.settings.firmware()),
+            greeting: options.build.settings.firmware().traits().greeting,
         },
     })?;
     let parent = options.parent_pid.map(watch).transpose()?;

@@ -1,6 +1,6 @@
 //! All settings by number: which firmware has them, how they print, their defaults.
 
-use crate::firmware::Firmware;
+use crate::firmware::{Firmware, SettingNumbers};
 
 /// How a setting is stored and printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,11 +17,11 @@ pub(super) enum ValueKind {
     Rpm,
 }
 
-/// Which firmware has a setting.
+/// Which numbering has a setting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Owner {
     All,
-    /// All but grblHAL, which uses the number for a wider setting.
+    /// That of grbl: grblHAL uses the number for a wider setting.
     Classic,
     GrblHal,
 }
@@ -151,12 +151,12 @@ static TABLE: &[SettingRow] = &[
 
 /// The settings of a family with so many axes, by number.
 pub(super) fn rows(firmware: Firmware, axes: usize) -> impl Iterator<Item = &'static SettingRow> {
-    let is_hal = firmware == Firmware::GrblHal;
+    let numbers = firmware.traits().setting_numbers;
     TABLE.iter().filter(move |row| match (row.number, row.owner) {
         (100..=139, _) => usize::from(row.number % 10) < axes,
         (_, All) => true,
-        (_, Classic) => !is_hal,
-        (_, GrblHal) => is_hal,
+        (_, Classic) => numbers == SettingNumbers::Grbl,
+        (_, GrblHal) => numbers == SettingNumbers::GrblHal,
     })
 }
 
@@ -175,7 +175,7 @@ impl ValueKind {
     pub(super) fn printed(self, value: f64, firmware: Firmware) -> String {
         match self {
             Float => format!("{value:.3}"),
-            Rpm if firmware == Firmware::GrblHal => format!("{value:.3}"),
+            Rpm if firmware.traits().prints_rpm_decimals => format!("{value:.3}"),
             Integer | Word | Boolean | Rpm => format!("{value:.0}"),
         }
     }
