@@ -9,6 +9,7 @@ mod contour;
 mod finding;
 mod function;
 mod machine;
+mod parameter;
 mod path;
 mod probing;
 mod tool_table;
@@ -18,6 +19,7 @@ pub use function::{further_from_wire, further_to_wire};
 pub use machine::{
     link_watch_from_wire, link_watch_to_wire, machine_state_to_wire, mode_from_wire, mode_to_wire,
 };
+pub use parameter::{parameter_from_wire, parameter_to_wire};
 pub use path::{path_element_to_wire, start_in_span_from_wire, start_in_span_to_wire};
 
 use crate::contour::Source;

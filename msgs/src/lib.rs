@@ -24,6 +24,7 @@ pub mod keep_out;
 pub mod machine;
 pub mod machine_file;
 pub mod numbers;
+pub mod parameter;
 pub mod path;
 pub mod port_word;
 pub mod probing;

@@ -12,6 +12,7 @@
 //!
 //! None of this is a safety function; an emergency stop is wired.
 
+pub mod address;
 pub mod approach;
 pub mod codes;
 pub mod cycle_time;

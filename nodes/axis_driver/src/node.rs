@@ -24,8 +24,6 @@ mod user_functions;
 mod viewers;
 mod waiting;
 
-pub use crate::journal::kind_from_wire;
-pub use parameters::driver_config;
 pub(crate) use parameters::{declared, keep_out, serial_config};
 pub use viewers::settings_to_wire;
 
@@ -35,6 +33,7 @@ use crate::driver::{
 };
 use crate::journal::{Order, ReplanOrder};
 use crate::motion::{self, FACE_VARIABLE};
+use crate::protocol::MOTION_LOST;
 use crate::serial::Event;
 use cnc_msgs::keep_out::KeepOut;
 use cnc_msgs::machine::{MachineState, Mode};
@@ -65,8 +64,6 @@ const STATE_PERIOD: Duration = Duration::from_millis(200);
 const ALIVE_PERIOD: Duration = Duration::from_millis(100);
 /// The motion process speaks ten times a second; so long it is held up by no busy computer.
 const MOTION_SILENT: Duration = Duration::from_secs(2);
-/// What the reason of a state begins with that is not known because of that.
-pub const MOTION_LOST: &str = "MOTION_LOST";
 /// Two status requests of the slowest kind without an answer, and a bit, s.
 const STALE_S: f64 = 2.5;
 /// More ids than a face gives away at a time.

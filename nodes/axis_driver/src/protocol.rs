@@ -16,6 +16,8 @@ use cnc_msgs::machine::MachineState;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+/// What the reason of a state begins with while the motion process says nothing.
+pub const MOTION_LOST: &str = "MOTION_LOST";
 /// Of all messages in this file.
 pub const VERSION: u16 = 4;
 /// The longest message, bytes: a chunk of a path takes 60 kB, a record of a single block more.

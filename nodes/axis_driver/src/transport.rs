@@ -1,10 +1,9 @@
 //! The cables between the driver and its board.
 //!
-//! A cable is a file with a type that is a [`Transport`], a variant of [`address::Address`], and a
+//! A cable is a file with a type that is a [`Transport`], a variant of [`Address`](crate::address::Address), and a
 //! row in [`open`]. Nothing else knows what kind of cable it is. Bytes come as they are: what they mean
 //! is for [`crate::link`].
 
-pub(crate) mod address;
 mod com_port;
 mod greeting;
 mod serial_port;
@@ -13,8 +12,8 @@ mod tcp;
 mod telnet;
 mod websocket;
 
+use crate::address::Address;
 use crate::serial::SerialConfig;
-use address::Address;
 use com_port::PortSettings;
 use rustix::fd::AsFd;
 use serial_port::Port;

@@ -29,7 +29,7 @@ pub use tools::restart::{NoStart, Start, start};
 #[cfg(feature = "node")]
 pub use tools::tool_file;
 pub use tools::verdict::{Verdict, judge};
-pub use tools::{mdi, replan, set_tool, verdict};
+pub use tools::{mdi, replan, report, set_tool, verdict};
 pub use walk::plan::{
     Alone, Plan, Planning, SpanSummary, Workers, certificates, plan, plan_certified, plan_with,
 };

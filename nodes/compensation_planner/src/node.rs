@@ -16,6 +16,7 @@ mod restart;
 pub mod threads;
 mod tool_file;
 
+use crate::tools::report::{manifest_of, uncut_to_wire};
 use crate::tools::set_tool::{self, LoadedProgram, Refusal};
 use crate::tools::verdict::{Verdict, judge};
 use crate::walk::plan::{Plan, Planning};
@@ -34,8 +35,7 @@ use cnc_msgs::wire::{nav_msgs, visualization_msgs};
 use health::PlanSummary;
 use input::{Input, fetch};
 use live_offset::{Live, RunningPlan};
-use report::{Uncertified, uncut_to_wire};
-pub use report::{certify, manifest_of, report_of};
+use report::Uncertified;
 use runtime::chunks::{ChunkTopic, Cut, page};
 use runtime::commands::{Answer, CommandLog};
 use runtime::{Client, Declared, Handle, Publisher, Qos, RosTime, WarningRateLimit};

@@ -4,6 +4,7 @@
 pub mod mdi;
 pub(crate) mod parts;
 pub mod replan;
+pub mod report;
 pub(crate) mod restart;
 pub mod set_tool;
 #[cfg(feature = "node")]

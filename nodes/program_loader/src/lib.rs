@@ -35,6 +35,7 @@ mod rules;
 mod turning;
 mod values;
 
+pub mod answer;
 pub mod canonical;
 pub mod limits;
 #[cfg(feature = "node")]

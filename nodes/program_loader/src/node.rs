@@ -3,7 +3,6 @@
 //! Reads files, keeps the newest program and serves it. [`load`](crate::load) decides what a
 //! program means; nothing here decides anything worth a test.
 
-mod answer;
 mod chunks;
 mod health;
 mod lifecycle;
@@ -12,12 +11,11 @@ mod parameters;
 mod stretches;
 mod tools;
 
+use crate::answer::{corners, first_findings, refusal};
 use crate::limits::PROGRAM_BYTES_MAX;
 use crate::subroutines::with_subroutines;
 use crate::upload::Uploads;
 use crate::{LoadOptions, Loaded, load};
-use answer::first_findings;
-pub use answer::{corners, refusal};
 use cnc_msgs::chunk::{ContourChunks, ProgramChunks, program_id, sha256_hex};
 use cnc_msgs::interface::Service;
 use cnc_msgs::profile::{Profile, UnknownReaction};

@@ -4,16 +4,18 @@ use super::ReplayError;
 use super::compare::{Comparison, DifferencePlace};
 use super::controller_lines::{self, OtherLine};
 use super::inputs::CoreInputs;
-use super::output::Output;
+use super::output::CoreOutput;
 use super::recording::{Recording, monotonic_ns};
 use super::states::States;
-use axis_driver::driver::Output as DriverOutput;
+use axis_driver::driver::{DriverConfig, Output};
 use axis_driver::encoder::EncoderConfig;
-use axis_driver::journal::{CommandError, Entry, EntryKind, command_from_json, replay as play};
-use axis_driver::node::{driver_config, kind_from_wire};
+use axis_driver::journal::{
+    CommandError, Entry, EntryKind, command_from_json, kind_from_wire, replay as play,
+};
+use cnc_msgs::convert::parameter_from_wire;
+use cnc_msgs::parameter::ParameterValue;
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::wire::cnc_msgs::msg::{ControllerTraffic, TrafficEntry};
-use runtime::parameters::ParameterValue;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -29,16 +31,16 @@ const SHOWN_BYTES: usize = 60;
 pub(crate) fn replay(
     inputs: &CoreInputs,
     comparison: &mut Comparison,
-    outputs: &mut Vec<Output>,
+    outputs: &mut Vec<CoreOutput>,
 ) -> Result<Option<Played>, ReplayError> {
     let recording = &inputs.recording;
     let of_driver = |reason: String| ReplayError::Input { of: "the driver".into(), reason };
     let Some(parameters) = recording.parameters.get("axis_driver") else {
         return Err(ReplayError::Incomplete { what: "the parameters", of: "axis_driver".into() });
     };
-    let config = driver_config(|name| {
+    let config = DriverConfig::from_parameters(|name| {
         let row = parameters.parameters.iter().find(|row| row.name == name);
-        row.and_then(|row| runtime::parameter_from_wire(&row.value))
+        row.and_then(|row| parameter_from_wire(&row.value))
             // The bag may lack a newer parameter: a value of another type selects its default.
             .unwrap_or(ParameterValue::BoolArray(Vec::new()))
     });
@@ -137,11 +139,11 @@ fn fits(
 }
 
 /// Where the machine was at that time.
-fn place_at(outputs: &[(Duration, DriverOutput)], monotonic_ns: u64) -> DifferencePlace {
+fn place_at(outputs: &[(Duration, Output)], monotonic_ns: u64) -> DifferencePlace {
     let now = Duration::from_nanos(monotonic_ns);
     let before = outputs.iter().take_while(|(at, _)| *at <= now);
     let states = before.filter_map(|(_, output)| match output {
-        DriverOutput::State(state) => Some(state),
+        Output::State(state) => Some(state),
         _ => None,
     });
     states.last().map_or(DifferencePlace::default(), |state| DifferencePlace {
@@ -208,7 +210,7 @@ fn shown(bytes: &[u8]) -> String {
 }
 
 /// What the core transmits now, as messages.
-fn traffic(recording: &Recording, transmitted: &[Entry]) -> Vec<Output> {
+fn traffic(recording: &Recording, transmitted: &[Entry]) -> Vec<CoreOutput> {
     let stamps: std::collections::BTreeMap<u64, &(u64, TrafficEntry)> =
         recording.traffic.values().map(|row| (monotonic_ns(&row.1), row)).collect();
     transmitted
@@ -223,7 +225,7 @@ fn traffic(recording: &Recording, transmitted: &[Entry]) -> Vec<Output> {
                 data: entry.data.clone(),
             };
             let traffic = ControllerTraffic { entries: vec![message] };
-            Some(Output::new("controller_traffic", *at, &traffic))
+            Some(CoreOutput::new("controller_traffic", *at, &traffic))
         })
         .collect()
 }

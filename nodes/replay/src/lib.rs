@@ -43,9 +43,9 @@ pub use error::ReplayError;
 use guard::{Contents, absent};
 use inputs::CoreInputs;
 pub use migration::{completed, with_names_of_today};
-use output::Output;
+use output::CoreOutput;
 pub use plan_memo::PlanMemo;
-use planner::Replanned;
+use planner::PlannedToday;
 use recording::Recording;
 use run_recorder::bag_reader::{Bag, LATE, Problem, RUN_RECORD};
 use run_recorder::files;
@@ -87,10 +87,10 @@ pub struct ReplayResult {
     /// By level.
     comparisons: Vec<(Level, Comparison)>,
     /// What the cores make now, as messages.
-    pub outputs: Vec<Output>,
+    pub outputs: Vec<CoreOutput>,
     inputs: CoreInputs,
     /// What the planner makes now; empty when it was not replayed.
-    pub plans: Vec<Replanned>,
+    pub plans: Vec<PlannedToday>,
     /// What the driver makes now; `None` when it was not replayed, or could not be.
     played: Option<Played>,
 }

@@ -3,7 +3,7 @@
 use super::bounds::comparable;
 use super::compare::Comparison;
 use super::inputs::CoreInputs;
-use super::output::Output;
+use super::output::CoreOutput;
 use super::recording::Recording;
 use super::{ReplayError, refused_loads};
 use cnc_msgs::chunk::ContourChunks;
@@ -17,7 +17,7 @@ use program_loader::{LoadOptions, load};
 pub(crate) fn replay(
     inputs: &mut CoreInputs,
     comparison: &mut Comparison,
-    outputs: &mut Vec<Output>,
+    outputs: &mut Vec<CoreOutput>,
 ) -> Result<(), ReplayError> {
     let mut made = Vec::new();
     let recording = &inputs.recording;
@@ -46,7 +46,7 @@ pub(crate) fn replay(
             made.push((id.clone(), None));
             continue;
         }
-        let bounds = program_loader::node::corners(&loaded);
+        let bounds = program_loader::answer::corners(&loaded);
         let now = ContourChunks::new(id.clone(), loaded.contour);
         let then = &program.manifest;
         let manifest = ProgrammedContour {
@@ -73,9 +73,10 @@ pub(crate) fn replay(
             comparison.sequence("programmed_contour/chunks", &recorded, &chunks);
         }
         let at = program.log_time_ns;
-        outputs.push(Output::new("programmed_contour", at, &manifest));
-        outputs
-            .extend(chunks.iter().map(|chunk| Output::new("programmed_contour/chunks", at, chunk)));
+        outputs.push(CoreOutput::new("programmed_contour", at, &manifest));
+        outputs.extend(
+            chunks.iter().map(|chunk| CoreOutput::new("programmed_contour/chunks", at, chunk)),
+        );
         made.push((id.clone(), Some((manifest, now))));
     }
     for (id, made) in &made {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// One message that a core made.
 #[derive(Debug, Clone)]
-pub struct Output {
+pub struct CoreOutput {
     pub topic: &'static str,
     pub type_name: &'static str,
     /// Recording time of the message that it corresponds to.
@@ -19,7 +19,7 @@ pub struct Output {
     pub data: Vec<u8>,
 }
 
-impl Output {
+impl CoreOutput {
     pub fn new<M: Message>(topic: &'static str, log_time_ns: u64, message: &M) -> Self {
         Self { topic, type_name: M::TYPE_NAME, log_time_ns, data: cdr::encapsulated(message) }
     }
@@ -57,7 +57,7 @@ pub fn must_be_free(directory: &Path, bags: &[PathBuf]) -> Result<(), ReplayErro
 }
 
 /// Writes the outputs as a new bag file, by time; equal outputs give equal bytes.
-pub fn write(directory: &Path, bag: &Path, outputs: &[Output]) -> Result<(), ReplayError> {
+pub fn write(directory: &Path, bag: &Path, outputs: &[CoreOutput]) -> Result<(), ReplayError> {
     let name = name_of(bag);
     fs::create_dir_all(directory).map_err(BagWriteError::Io)?;
     let path = target(directory, bag);
@@ -68,7 +68,7 @@ pub fn write(directory: &Path, bag: &Path, outputs: &[Output]) -> Result<(), Rep
     })?;
     let mut writer = BagWriter::new(std::io::BufWriter::new(file))?;
     let mut channels = BTreeMap::new();
-    let mut in_order: Vec<&Output> = outputs.iter().collect();
+    let mut in_order: Vec<&CoreOutput> = outputs.iter().collect();
     in_order.sort_by_key(|output| output.log_time_ns);
     for output in in_order {
         let channel = match channels.get(output.topic) {

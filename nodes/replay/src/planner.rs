@@ -2,7 +2,7 @@
 
 use super::compare::{Comparison, Difference};
 use super::inputs::CoreInputs;
-use super::output::Output;
+use super::output::CoreOutput;
 use super::path_difference::{Likeness, at_most, likeness};
 use super::plan_memo::name_of;
 use super::recording::{RecordedPlan, RecordedProgram, Recording};
@@ -13,7 +13,7 @@ use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::{
     CompensatedPath as CompensatedPathMessage, CompensationReport, PathChunk, PathEvent,
 };
-use compensation_planner::node::{certify, manifest_of, report_of};
+use compensation_planner::report::{certify, manifest_of, report_of};
 use compensation_planner::set_tool::LoadedProgram;
 use compensation_planner::verdict::prove;
 use compensation_planner::{Plan, UncutRegion, plan, plan_certified, replan as rest};
@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 /// What today's planner makes of a revision; without a path if it is refused.
 #[derive(Debug)]
-pub struct Replanned {
+pub struct PlannedToday {
     pub revision: u64,
     pub path: Arc<CompensatedPath>,
     /// Whether it has the same bytes on the wire as the recorded one.
@@ -35,8 +35,8 @@ pub(crate) fn replay(
     inputs: &mut CoreInputs,
     options: Options<'_>,
     comparison: &mut Comparison,
-    outputs: &mut Vec<Output>,
-) -> Result<Vec<Replanned>, ReplayError> {
+    outputs: &mut Vec<CoreOutput>,
+) -> Result<Vec<PlannedToday>, ReplayError> {
     let revisions: Vec<u64> = inputs.recording.plans.keys().copied().collect();
     let mut plans = Vec::new();
     for revision in revisions {
@@ -49,16 +49,16 @@ pub(crate) fn replay(
 }
 
 /// Today's plan, and its messages.
-type Made = (Replanned, Option<(CompensatedPathMessage, PathChunks)>);
+type Made = (PlannedToday, Option<(CompensatedPathMessage, PathChunks)>);
 
 /// Plans one revision again; `None` when it is refused now.
 fn replan(
     inputs: &CoreInputs,
     options: Options<'_>,
-    plans: &[Replanned],
+    plans: &[PlannedToday],
     revision: u64,
     comparison: &mut Comparison,
-    outputs: &mut Vec<Output>,
+    outputs: &mut Vec<CoreOutput>,
 ) -> Result<Option<Made>, ReplayError> {
     let recording = &inputs.recording;
     let chord_error_mm = chord_error_mm(recording);
@@ -122,7 +122,7 @@ fn replan(
         certify(&mut report_now, &certified.certificates);
     }
     comparison.message(&format!("compensation_report {revision}"), report, &report_now);
-    outputs.push(Output::new("compensation_report", recorded.log_time_ns, &report_now));
+    outputs.push(CoreOutput::new("compensation_report", recorded.log_time_ns, &report_now));
 
     let mut is_same = false;
     let mut made = None;
@@ -134,7 +134,7 @@ fn replan(
         let uncut = std::mem::take(&mut now.uncut);
         let before = recorded.manifest.as_ref().map(|manifest| &manifest.sha256);
         let is_as_sent = before.is_some() && before == handed.as_ref().map(|(it, _)| &it.sha256);
-        made = Some((Replanned { revision, path: path_now, is_as_sent, uncut }, handed));
+        made = Some((PlannedToday { revision, path: path_now, is_as_sent, uncut }, handed));
     }
     if let Some(path) = &recorded.path {
         comparison.count("audit", 1);
@@ -157,7 +157,7 @@ fn compare_accepted(
     comparison: &mut Comparison,
     recorded: &RecordedPlan,
     (path_now, chord_error_mm): (&Arc<CompensatedPath>, f64),
-    outputs: &mut Vec<Output>,
+    outputs: &mut Vec<CoreOutput>,
 ) -> (bool, Option<(CompensatedPathMessage, PathChunks)>) {
     let (Some(manifest), Some(path)) = (&recorded.manifest, &recorded.path) else {
         return (false, None);
@@ -176,8 +176,9 @@ fn compare_accepted(
     let chunks: Vec<PathChunk> = (0..now.count()).filter_map(|index| now.chunk(index)).collect();
     let is_same = compare_paths(comparison, (manifest, &manifest_now), path, (now.path(), &chunks));
     let at = recorded.log_time_ns;
-    outputs.push(Output::new("compensated_path", at, &manifest_now));
-    outputs.extend(chunks.iter().map(|chunk| Output::new("compensated_path/chunks", at, chunk)));
+    outputs.push(CoreOutput::new("compensated_path", at, &manifest_now));
+    outputs
+        .extend(chunks.iter().map(|chunk| CoreOutput::new("compensated_path/chunks", at, chunk)));
     (is_same, Some((manifest_now, now)))
 }
 
@@ -259,7 +260,7 @@ fn chord_error_mm(recording: &Recording) -> f64 {
 fn rest_of(
     inputs: &CoreInputs,
     options: Options<'_>,
-    plans: &[Replanned],
+    plans: &[PlannedToday],
     program: &RecordedProgram,
     profile: &Profile,
     revision: u64,

@@ -17,7 +17,6 @@ use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use run_recorder::bag_reader::{Bag, BagMessage, LATE, Problem, RUN_RECORD};
 use run_recorder::info::RunEnd;
-use runtime::RosTime;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io::{Read, Seek};
@@ -109,13 +108,17 @@ fn missed_states<R: Read + Seek>(bag: &Bag<R>) -> Option<u64> {
 
 /// A time of the wall clock, ns.
 pub fn nanoseconds(stamp: &Time) -> i64 {
-    RosTime::from(stamp).as_nanos()
+    nanoseconds_of(stamp.sec, stamp.nanosec)
 }
 
 /// When an entry was made, by the driver's clock, ns; 0 for an invalid time.
 pub fn monotonic_ns(entry: &wire::TrafficEntry) -> u64 {
-    let since = RosTime::from_parts(entry.monotonic.sec, entry.monotonic.nanosec);
-    u64::try_from(since.as_nanos()).unwrap_or(0)
+    let since = nanoseconds_of(entry.monotonic.sec, entry.monotonic.nanosec);
+    u64::try_from(since).unwrap_or(0)
+}
+
+fn nanoseconds_of(sec: i32, nanosec: u32) -> i64 {
+    i64::from(sec) * 1_000_000_000 + i64::from(nanosec)
 }
 
 /// A driver that is restarted numbers its entries anew.

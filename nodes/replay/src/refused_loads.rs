@@ -11,7 +11,7 @@ use cnc_msgs::interface::{Message as _, Service};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::wire::cnc_msgs::msg::{Command, ContourChunk, PathChunk};
 use cnc_msgs::wire::cnc_msgs::srv::{LoadProgram, LoadProgramRequest, LoadProgramResponse};
-use program_loader::node::refusal;
+use program_loader::answer::refusal;
 use program_loader::{LoadOptions, load};
 
 /// Types that know the calls and passes of a line since messages name them as they do today.

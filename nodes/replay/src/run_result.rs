@@ -7,7 +7,6 @@ use cnc_msgs::wire::action_msgs::msg::{GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, RunResult};
 use run_recorder::bag_reader::{Bag, BagMessage, MessageFilter, RUN_RECORD};
 use run_recorder::info::RunEnd;
-use serde::de::DeserializeOwned;
 use std::io::{Read, Seek};
 
 /// The status topic of the goals of `run_program`; compared with the end of a topic's name.
@@ -126,7 +125,7 @@ pub fn last_status(statuses: &[GoalStatusArray], goal: &str) -> Option<i8> {
 }
 
 /// The messages of one topic; unreadable ones are skipped.
-fn messages<R: Read + Seek, M: Message + DeserializeOwned>(
+fn messages<R: Read + Seek, M: Message>(
     bag: &mut Bag<R>,
     type_name: &str,
     topic_end: &str,

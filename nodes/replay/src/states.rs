@@ -6,9 +6,9 @@ mod order;
 
 use super::compare::{Comparison, DifferencePlace};
 use super::recording::{Recording, nanoseconds};
-use axis_driver::driver::Output as DriverOutput;
+use axis_driver::driver::Output;
 use axis_driver::journal::{Entry, EntryKind};
-use axis_driver::node::MOTION_LOST;
+use axis_driver::protocol::MOTION_LOST;
 use cnc_msgs::convert::{machine_state_to_wire, mode_from_wire};
 use cnc_msgs::units::position_from_point;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
@@ -35,13 +35,13 @@ impl States {
     pub(crate) fn of(
         recording: &Recording,
         entries: &[Entry],
-        outputs: &[(Duration, DriverOutput)],
+        outputs: &[(Duration, Output)],
     ) -> Option<Self> {
         let (zero_ns, span) = span(recording, entries)?;
         let mut silences = without_ros(entries);
         silences.extend(before_the_recorder(recording, entries, zero_ns));
         let made = outputs.iter().filter_map(|(at, output)| match output {
-            DriverOutput::State(state) => {
+            Output::State(state) => {
                 let state = machine_state_to_wire(Header::default(), state);
                 let state = recording.definitions.forget(comparable(&state));
                 let since_ns = i64::try_from(at.as_nanos()).unwrap_or(i64::MAX);

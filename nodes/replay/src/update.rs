@@ -6,7 +6,7 @@
 
 use super::recording::{monotonic_ns, nanoseconds};
 use super::{Level, Options, ReplayError, ReplayResult, replay};
-use axis_driver::driver::Output as DriverOutput;
+use axis_driver::driver::Output;
 use axis_driver::journal::EntryKind;
 use cnc_msgs::cdr;
 use cnc_msgs::convert::machine_state_to_wire;
@@ -150,7 +150,7 @@ impl Now {
             .outputs
             .iter()
             .filter_map(|(at, output)| match output {
-                DriverOutput::State(state) => {
+                Output::State(state) => {
                     let wall = walls.get(&u64::try_from(at.as_nanos()).ok()?)?;
                     Some((*wall, machine_state_to_wire(Default::default(), state)))
                 }

@@ -100,7 +100,6 @@ pub use endpoints::{action, chunks};
 pub use managed::command_log as commands;
 pub use managed::diagnostics::{Health, HealthLevel};
 pub use managed::lifecycle::{self, Managed, TransitionResult, Trouble};
-pub use managed::parameter_services::from_wire as parameter_from_wire;
 pub use managed::parameter_services::row_to_wire as parameter_to_wire;
 pub use parameters::Declared;
 pub use process::memory::Memory;

@@ -13,6 +13,7 @@ pub(super) mod machine;
 pub(super) mod obstacles;
 pub(super) mod offsets;
 pub(super) mod overrides;
+mod parameters;
 pub(super) mod path_deviation;
 pub(super) mod place;
 pub(super) mod queries;

@@ -2,7 +2,6 @@
 //!
 //! Only between works: a run keeps the parameters that it was begun with.
 
-use super::parameters::driver_config;
 use super::{REPLY_WITHIN, RemoteDriver};
 use crate::codes::error_code;
 use crate::driver::{Command, DriverConfig};
@@ -39,7 +38,7 @@ pub(super) fn follow(node: &Handle, driver: &Arc<RemoteDriver>, is_tuned: bool) 
         let keep_out = &driver.keep_out;
         let config = || DriverConfig {
             keep_out: keep_out.clone(),
-            ..driver_config(|name| handle.parameter::<ParameterValue>(name))
+            ..DriverConfig::from_parameters(|name| handle.parameter::<ParameterValue>(name))
         };
         let mut taken = (!is_tuned).then(config);
         loop {

@@ -1,8 +1,8 @@
 //! The machine for viewers: state, joints, frames, the tool's pose.
 
+use crate::address::is_networked;
 use crate::codes::setting_name;
 use crate::driver::ControllerSettings;
-use crate::transport::address::is_networked;
 use cnc_msgs::convert::{further_to_wire, machine_state_to_wire};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AXIS_LETTERS, Position};

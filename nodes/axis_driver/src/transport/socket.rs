@@ -1,7 +1,7 @@
 //! A TCP connection: how it is made, how it is written to without waiting, how it is given up.
 
-use super::address::Host;
 use super::greeting::{GREETING_BYTES, foreign};
+use crate::address::Host;
 use socket2::{SockRef, TcpKeepalive};
 use std::io::{Error, ErrorKind, Write};
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};

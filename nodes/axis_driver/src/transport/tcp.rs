@@ -4,10 +4,10 @@
 //! refused, and nothing of that reaches the driver.
 
 use super::Transport;
-use super::address::Host;
 use super::com_port::{Opening, PortSettings, Progress};
 use super::socket::{Heard, PATIENCE, Unwritten, abandon, connect};
 use super::telnet::{Telnet, escape};
+use crate::address::Host;
 use rustix::fd::{AsFd, BorrowedFd};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;

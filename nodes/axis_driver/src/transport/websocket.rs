@@ -5,8 +5,8 @@
 //! server that knows no such protocol is asked again without it.
 
 use super::Transport;
-use super::address::Host;
 use super::socket::{Heard, PATIENCE, abandon, connect};
+use crate::address::Host;
 use rustix::fd::{AsFd, BorrowedFd};
 use std::io::ErrorKind;
 use std::net::TcpStream;

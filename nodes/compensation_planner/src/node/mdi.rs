@@ -2,8 +2,8 @@
 //!
 //! Keeps nothing: the plan of the loaded program stays as it is.
 
-use super::report::{fitting, manifest_of};
 use crate::tools::mdi::plan_block;
+use crate::tools::report::{fitting, manifest_of};
 use crate::tools::verdict::{Disagreement, Verdict};
 use cnc_msgs::chunk::{Collector, PathChunks};
 use cnc_msgs::contour::ProgrammedContour;

@@ -12,42 +12,6 @@ use cnc_msgs::wire::visualization_msgs::msg::{Marker, MarkerArray};
 /// The most points of a `nav_msgs/Path` below 60 kB.
 const POINTS_MAX: usize = 600;
 
-/// The box around a path and the lengths in it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Extent {
-    pub min: Position,
-    pub max: Position,
-    /// Length of all feed elements, mm.
-    pub feed_mm: f64,
-    /// Length of all rapids, mm.
-    pub rapid_mm: f64,
-}
-
-/// Measures a path along its points; arcs are taken to within the chord error.
-pub(crate) fn extent(path: &CompensatedPath, chord_error_mm: f64) -> Extent {
-    let mut extent = Extent { min: path.start, max: path.start, feed_mm: 0.0, rapid_mm: 0.0 };
-    let mut last = path.start;
-    for element in &path.elements {
-        let mut length = 0.0;
-        tessellate::points(last, element, chord_error_mm, |point| {
-            length += distance(last, point);
-            last = point;
-            extent.min = std::array::from_fn(|axis| extent.min[axis].min(point[axis]));
-            extent.max = std::array::from_fn(|axis| extent.max[axis].max(point[axis]));
-        });
-        if element.feed_mm_per_min.is_some() {
-            extent.feed_mm += length;
-        } else {
-            extent.rapid_mm += length;
-        }
-    }
-    extent
-}
-
-fn distance(a: Position, b: Position) -> f64 {
-    (0..3).map(|axis| (b[axis] - a[axis]).powi(2)).sum::<f64>().sqrt()
-}
-
 /// How a part of the path looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Look {

@@ -13,8 +13,8 @@ use cnc_msgs::tool_table::{Offset, Tool, ToolTable};
 use cnc_msgs::wire::action_msgs::msg::{GoalInfo, GoalStatus, GoalStatusArray};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::unique_identifier_msgs::msg::UUID;
-use compensation_planner::node::{certify, manifest_of, report_of};
 use compensation_planner::plan_certified;
+use compensation_planner::report::{certify, manifest_of, report_of};
 use line::{BagInMemory, Run};
 use program_loader::{LoadOptions, load};
 use std::collections::BTreeMap;
@@ -217,7 +217,7 @@ fn plan(
     (0..chunks.count()).filter_map(|it| chunks.chunk(it)).for_each(|chunk| {
         bag.put("program/chunks", at, &chunk);
     });
-    let (bounds_min, bounds_max) = program_loader::node::corners(&loaded);
+    let (bounds_min, bounds_max) = program_loader::answer::corners(&loaded);
     let contour = ContourChunks::new(id.clone(), loaded.contour);
     bag.put(
         "programmed_contour",

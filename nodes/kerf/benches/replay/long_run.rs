@@ -18,7 +18,7 @@ use cnc_msgs::tool_table::ToolTable;
 use cnc_msgs::wire::builtin_interfaces::msg::{Duration as WireDuration, Time};
 use cnc_msgs::wire::cnc_msgs::msg as wire;
 use cnc_msgs::wire::std_msgs::msg::Header;
-use compensation_planner::node::{manifest_of, report_of};
+use compensation_planner::report::{manifest_of, report_of};
 use program_loader::{LoadOptions, load};
 use run_recorder::bag_writer::{BagWriter, ChannelIndex, ChannelSpec};
 use run_recorder::qos::QosProfile;
@@ -122,7 +122,7 @@ fn plan(bag: &mut Bag, blocks: u32) -> (String, Arc<cnc_msgs::path::CompensatedP
     (0..chunks.count()).filter_map(|it| chunks.chunk(it)).for_each(|chunk| {
         bag.put("/program/chunks", at, &chunk);
     });
-    let (bounds_min, bounds_max) = program_loader::node::corners(&loaded);
+    let (bounds_min, bounds_max) = program_loader::answer::corners(&loaded);
     let contour = ContourChunks::new(id.clone(), loaded.contour);
     let manifest = wire::ProgrammedContour {
         program_id: id.clone(),

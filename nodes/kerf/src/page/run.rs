@@ -3,8 +3,8 @@
 use super::{Layer, Page, Pin, PinKind, Sheet};
 use crate::picture::view::{Point, View};
 use axis_driver::journal::EntryKind;
+use axis_driver::journal::kind_from_wire;
 use axis_driver::link::realtime;
-use axis_driver::node::kind_from_wire;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::finding::Finding;
 use cnc_msgs::geometry::Plane;
@@ -13,7 +13,7 @@ use cnc_msgs::units::{mm_per_min_from_m_per_s, position_from_point};
 use cnc_msgs::wire::builtin_interfaces::msg::Time;
 use cnc_msgs::wire::cnc_msgs::msg::{MachineState, TrafficEntry};
 use replay::ReplayError;
-use replay::planner::Replanned;
+use replay::planner::PlannedToday;
 use replay::recording::{RecordedPlan, RecordedProgram, RecordedState, Recording};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -148,7 +148,7 @@ pub(crate) fn of_recording(
     page: &mut Page<'static>,
     name: &str,
     recording: &Recording,
-    now: &[Replanned],
+    now: &[PlannedToday],
     finish: impl Fn(&mut Sheet<'static>),
 ) -> Result<(), ReplayError> {
     let run_of = |revision| recording.states.iter().any(|it| it.state.path_revision == revision);

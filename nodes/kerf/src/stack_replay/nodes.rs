@@ -6,8 +6,8 @@
 //! variables. Pure.
 
 use super::TIME_FACTOR;
+use cnc_msgs::convert::parameter_from_wire;
 use cnc_msgs::wire::cnc_msgs::msg::NodeParameters;
-use runtime::parameter_from_wire;
 use runtime::parameters::ParameterValue;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,13 +1,14 @@
 //! The parameters of a running node, for the node itself.
 
 use crate::endpoints::node::Handle;
-use crate::managed::parameter_services::{from_wire, row_to_wire};
+use crate::managed::parameter_services::row_to_wire;
 use crate::parameters::ParameterValue;
 use crate::parameters::Parameters;
 use crate::parameters::common::MEMORY_MB_MAX;
 use crate::process::lock;
 use crate::rustdds::memory_bound::MemoryBound;
 use cnc_msgs::cdr;
+use cnc_msgs::convert::parameter_from_wire;
 use cnc_msgs::wire::rcl_interfaces::msg::Parameter;
 use std::sync::Arc;
 
@@ -66,7 +67,7 @@ impl Handle {
         let is_kept = kept.is_some();
         for Parameter { name, value } in kept.unwrap_or_default() {
             // Each by itself: one that a newer version does not take costs no other.
-            let set = from_wire(&value).map(|value| live.set(&[(name.clone(), value)]));
+            let set = parameter_from_wire(&value).map(|value| live.set(&[(name.clone(), value)]));
             if let Some(Err(reason)) = set {
                 tracing::warn!("parameter \"{name}\" is not kept: {reason}");
             }

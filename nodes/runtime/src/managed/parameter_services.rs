@@ -10,12 +10,12 @@ use crate::parameters::live::LiveParameters;
 use crate::parameters::{Declared, ParameterValue, Parameters, Range, USE_SIM_TIME};
 use crate::process::lock;
 use crate::samples::qos::Qos;
+use cnc_msgs::convert::{parameter_from_wire, parameter_to_wire};
 use cnc_msgs::wire::rcl_interfaces::msg as wire;
 use cnc_msgs::wire::rcl_interfaces::srv;
 use std::collections::BTreeSet;
 use std::future::ready;
 use std::sync::Arc;
-use wire::ParameterType as Type;
 
 /// Offers the services of a node and announces its parameters.
 pub(crate) fn serve(handle: &Handle, live: &Arc<LiveParameters>) -> Result<(), NodeError> {
@@ -24,7 +24,8 @@ pub(crate) fn serve(handle: &Handle, live: &Arc<LiveParameters>) -> Result<(), N
     let all = Arc::clone(live);
     handle.service::<srv::GetParameters, _, _>("~/get_parameters", move |request, _| {
         let parameters = lock(&all.parameters);
-        let values = request.names.iter().map(|name| to_wire(parameters.get(name))).collect();
+        let values =
+            request.names.iter().map(|name| parameter_to_wire(parameters.get(name))).collect();
         ready(srv::GetParametersResponse { values })
     })?;
 
@@ -33,8 +34,11 @@ pub(crate) fn serve(handle: &Handle, live: &Arc<LiveParameters>) -> Result<(), N
         "~/get_parameter_types",
         move |request, _| {
             let parameters = lock(&all.parameters);
-            let types =
-                request.names.iter().map(|name| to_wire(parameters.get(name)).type_).collect();
+            let types = request
+                .names
+                .iter()
+                .map(|name| parameter_to_wire(parameters.get(name)).type_)
+                .collect();
             ready(srv::GetParameterTypesResponse { types })
         },
     )?;
@@ -94,7 +98,7 @@ impl Setter {
         }
         let mut changes = Vec::with_capacity(given.len());
         for one in &given {
-            match from_wire(&one.value) {
+            match parameter_from_wire(&one.value) {
                 Some(value) => {
                     let value = lock(&self.live.parameters).as_meant(&one.name, value);
                     changes.push((one.name.clone(), value));
@@ -162,7 +166,7 @@ fn describe(parameters: &Parameters, name: &str) -> wire::ParameterDescriptor {
     let mut descriptor = wire::ParameterDescriptor { name: name.to_owned(), ..Default::default() };
     // Not one of ours: the type says "not set".
     let Some(declared) = parameters.declared(name) else { return descriptor };
-    descriptor.type_ = to_wire(Some(&declared.default)).type_;
+    descriptor.type_ = parameter_to_wire(Some(&declared.default)).type_;
     descriptor.description.clone_from(&declared.description);
     descriptor.read_only = declared.read_only;
     if !declared.choices.is_empty() {
@@ -184,62 +188,7 @@ fn describe(parameters: &Parameters, name: &str) -> wire::ParameterDescriptor {
 
 /// A parameter with its value, as a message.
 pub fn row_to_wire(declared: &Declared, value: &ParameterValue) -> wire::Parameter {
-    wire::Parameter { name: declared.name.clone(), value: to_wire(Some(value)) }
-}
-
-pub(crate) fn to_wire(value: Option<&ParameterValue>) -> wire::ParameterValue {
-    let mut wire = wire::ParameterValue::default();
-    wire.type_ = match value {
-        None => Type::PARAMETER_NOT_SET,
-        Some(ParameterValue::Bool(value)) => {
-            wire.bool_value = *value;
-            Type::PARAMETER_BOOL
-        }
-        Some(ParameterValue::Integer(value)) => {
-            wire.integer_value = *value;
-            Type::PARAMETER_INTEGER
-        }
-        Some(ParameterValue::Double(value)) => {
-            wire.double_value = *value;
-            Type::PARAMETER_DOUBLE
-        }
-        Some(ParameterValue::String(value)) => {
-            wire.string_value.clone_from(value);
-            Type::PARAMETER_STRING
-        }
-        Some(ParameterValue::BoolArray(values)) => {
-            wire.bool_array_value.clone_from(values);
-            Type::PARAMETER_BOOL_ARRAY
-        }
-        Some(ParameterValue::IntegerArray(values)) => {
-            wire.integer_array_value.clone_from(values);
-            Type::PARAMETER_INTEGER_ARRAY
-        }
-        Some(ParameterValue::DoubleArray(values)) => {
-            wire.double_array_value.clone_from(values);
-            Type::PARAMETER_DOUBLE_ARRAY
-        }
-        Some(ParameterValue::StringArray(values)) => {
-            wire.string_array_value.clone_from(values);
-            Type::PARAMETER_STRING_ARRAY
-        }
-    };
-    wire
-}
-
-/// `None` for "not set" and for byte arrays, which no parameter here has.
-pub fn from_wire(wire: &wire::ParameterValue) -> Option<ParameterValue> {
-    match wire.type_ {
-        Type::PARAMETER_BOOL => Some(wire.bool_value.into()),
-        Type::PARAMETER_INTEGER => Some(wire.integer_value.into()),
-        Type::PARAMETER_DOUBLE => Some(wire.double_value.into()),
-        Type::PARAMETER_STRING => Some(wire.string_value.clone().into()),
-        Type::PARAMETER_BOOL_ARRAY => Some(wire.bool_array_value.clone().into()),
-        Type::PARAMETER_INTEGER_ARRAY => Some(wire.integer_array_value.clone().into()),
-        Type::PARAMETER_DOUBLE_ARRAY => Some(wire.double_array_value.clone().into()),
-        Type::PARAMETER_STRING_ARRAY => Some(wire.string_array_value.clone().into()),
-        _ => None,
-    }
+    wire::Parameter { name: declared.name.clone(), value: parameter_to_wire(Some(value)) }
 }
 
 #[cfg(test)]
@@ -282,13 +231,13 @@ mod tests {
     fn a_descriptor_has_all_that_is_declared() {
         let parameters = parameters();
         let feed = describe(&parameters, "limits.feed");
-        assert_eq!((feed.type_, feed.read_only), (Type::PARAMETER_DOUBLE, false));
+        assert_eq!((feed.type_, feed.read_only), (wire::ParameterType::PARAMETER_DOUBLE, false));
         assert_eq!(feed.floating_point_range[0].to_value, 2.0);
         assert_eq!(feed.description, "m/s");
         assert!(describe(&parameters, "port").read_only);
         assert_eq!(describe(&parameters, "limits.x.travel").integer_range[0].to_value, 9);
         assert_eq!(describe(&parameters, "limiter").additional_constraints, "one of a, b");
-        assert_eq!(describe(&parameters, "nothing").type_, Type::PARAMETER_NOT_SET);
+        assert_eq!(describe(&parameters, "nothing").type_, wire::ParameterType::PARAMETER_NOT_SET);
     }
 
     #[test]
@@ -304,8 +253,8 @@ mod tests {
             vec!["a".to_owned()].into(),
         ];
         for value in values {
-            assert_eq!(from_wire(&to_wire(Some(&value))), Some(value));
+            assert_eq!(parameter_from_wire(&parameter_to_wire(Some(&value))), Some(value));
         }
-        assert_eq!(from_wire(&to_wire(None)), None);
+        assert_eq!(parameter_from_wire(&parameter_to_wire(None)), None);
     }
 }

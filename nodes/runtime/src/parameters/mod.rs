@@ -9,6 +9,7 @@ mod declared;
 pub(crate) mod live;
 mod values;
 
+pub use cnc_msgs::parameter::ParameterValue;
 pub use common::USE_SIM_TIME;
-pub use declared::{Declared, ParameterValue, Range};
+pub use declared::{Declared, Range};
 pub use values::{Origin, Override, ParameterError, Parameters};

@@ -4,7 +4,8 @@
 //! and `parameter_services` serves other nodes.
 
 use super::common::use_sim_time;
-use super::declared::{Declared, ParameterValue};
+use super::declared::Declared;
+use cnc_msgs::parameter::ParameterValue;
 use std::collections::BTreeMap;
 use std::fmt;
 

@@ -39,7 +39,7 @@ pub fn corners(loaded: &Loaded) -> (Point, Point) {
 }
 
 /// As many findings as fit a response, and how many there are.
-pub(super) fn first_findings(loaded: &Loaded) -> (Vec<wire::Finding>, u32) {
+pub fn first_findings(loaded: &Loaded) -> (Vec<wire::Finding>, u32) {
     let mut bytes = 0;
     let findings = loaded.findings.iter().map(Into::into).take_while(|finding| {
         bytes += cdr::body(finding).len();

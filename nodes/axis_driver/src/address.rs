@@ -13,7 +13,7 @@ const NO_TLS: &str = "is encrypted, and the driver speaks no TLS: use the plain 
 
 /// A cable and what is at its end.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Address {
+pub enum Address {
     /// A device file.
     Serial { path: String },
     /// Bytes as they are, or Telnet that negotiates nothing.
@@ -26,10 +26,10 @@ pub(crate) enum Address {
 
 /// A host and a port number.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Host {
+pub struct Host {
     /// A name or an address; an IPv6 address without its brackets.
-    pub(crate) name: String,
-    pub(crate) port: u16,
+    pub name: String,
+    pub port: u16,
 }
 
 impl std::fmt::Display for Host {
@@ -42,13 +42,13 @@ impl std::fmt::Display for Host {
 }
 
 /// Whether the bytes travel over a network all the way to the board, and over no serial line.
-pub(crate) fn is_networked(port: &str) -> bool {
+pub fn is_networked(port: &str) -> bool {
     matches!(Address::parse(port), Ok(Address::Tcp(_) | Address::WebSocket { .. }))
 }
 
 impl Address {
     /// Reads the parameter. The error is for people, and does not repeat the text.
-    pub(crate) fn parse(text: &str) -> Result<Self, String> {
+    pub fn parse(text: &str) -> Result<Self, String> {
         let Some((scheme, rest)) = text.split_once("://") else {
             return match text.is_empty() {
                 true => Err(format!("no port is set; {FORMS}")),
