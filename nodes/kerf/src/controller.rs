@@ -16,7 +16,7 @@ use std::io::{IsTerminal, Write};
 /// Commands for the controller itself.
 #[derive(Debug, Subcommand)]
 pub(crate) enum ControllerCommand {
-    /// Show the setting that improves the watch over the serial line, and write it after confirmation
+    /// Show the setting that lets the driver notice lost lines sooner; write it when confirmed
     Configure(ConfigureArgs),
     /// Print settings and stored positions as a file for `kerf plan --machine`
     Dump,

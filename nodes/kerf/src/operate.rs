@@ -59,7 +59,7 @@ pub(crate) struct RunArgs {
     /// Start at this line of the program
     #[arg(long, value_name = "LINE", value_parser = from_one)]
     pub(crate) start_line: Option<u32>,
-    /// If loops or calls run that line several times: the number of the time, from 1
+    /// Where loops or calls run that line several times: which time, counted from 1
     #[arg(long, value_name = "NUMBER", value_parser = from_one, requires = "place")]
     pub(crate) occurrence: Option<u32>,
     /// Continue a run that ended early: show where and how it would start, then ask

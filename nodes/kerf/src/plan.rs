@@ -62,7 +62,7 @@ pub(crate) struct PlanArgs {
     /// Also show how `kerf run --start-line` would start at this line
     #[arg(long, value_name = "LINE", value_parser = from_one)]
     start_line: Option<u32>,
-    /// If loops or calls run that line several times: the number of the time, from 1
+    /// Where loops or calls run that line several times: which time, counted from 1
     #[arg(long, value_name = "NUMBER", value_parser = from_one, requires = "start_line")]
     occurrence: Option<u32>,
     #[command(flatten)]
