@@ -10,7 +10,6 @@ use kerf_tests::rows::observe::observe;
 use kerf_tests::rows::{IN_ORDER, RuleRow, controls, manual, of};
 use libtest_mimic::{Arguments, Failed, Trial};
 use serde_json::json;
-use settings::Control;
 use std::fmt::Write;
 use std::process::ExitCode;
 
