@@ -197,7 +197,7 @@ fn a_change_of_frame_makes_axes_unknown_until_they_are_named() {
 
 #[test]
 fn the_message_about_an_unknown_axis_names_it_and_the_line_that_lost_it() {
-    let loaded = load_as("rs274", "G0 X0 Y0 Z5\nG28 Z0\nG91 G0 Z5");
+    let loaded = load_as("rs274", "G0 X0 Y0 Z5\nG28 Z0\nG92 Z5");
     let found = &loaded.findings[0];
     assert_eq!(
         found.message,

@@ -783,6 +783,18 @@ def g96(program, rng):
     program.scales = False
 
 
+@feature("G95 under G96", 40)
+def surface_feeds(program, rng):
+    # Along the axis of the spindle: LinuxCNC prints F alone, and the feed follows from how far X is from 0.
+    program.scales = False
+    inches = rng.random() < 0.3
+    program.add("G18 G95", "G20" if inches else "G21", f"G96 D{rng.randint(5, 20)}00 S{rng.randint(50, 200)} M3",
+                f"F{length(rng.choice([0.004, 0.01]) if inches else rng.choice([0.1, 0.25]))}", "G0 X9 Z5")
+    for _ in range(rng.randint(2, 5)):
+        x, z = rng.randint(1, 40) / 2.0, rng.randint(-20, 5)
+        program.add(rng.choice([f"G1 X{x} Z{z}", f"G0 X{x}\nG1 Z{z}", f"G1 Z{z}", f"G91 G1 X{x} Z-1\nG90"]))
+
+
 @feature("feeds", 80)
 def feeds(program, rng):
     for _ in range(rng.randint(5, 9)):
@@ -1141,6 +1153,20 @@ def probes(program, rng):
                     "G0 X0 Y0 Z10", f"G38.{rng.randint(2, 5)} {axes}",
                     rng.choice(["", "X-12 Y-12 Z-12", "G91 G0 Z2\nG38.3 Z-3 F50\nG1 Z1\nX1 Y1 Z1\nG90", f"G10 L20 P{rng.randint(1, 3)} X0 Y0 Z0"]),
                     rng.choice(["G0 X0 Y0 Z10", "G1 Z3\nX1 Y1", "G0 Z5\nG0 X2 Y3"]))
+
+
+@feature("incremental moves from somewhere", 120)
+def from_somewhere(program, rng):
+    program.scales = False
+    program.add("G0 X0 Y0 Z10")
+    for _ in range(rng.randint(1, 4)):
+        program.add(
+            rng.choice([f"G53 G0 {axis_words(rng)}", f"G28 {axis_words(rng)}", "G91 G28 Z0", f"G{rng.randint(54, 59)}",
+                        f"G10 L2 P1 {axis_words(rng)}", f"G10 L2 P1 R{rng.randint(1, 80)}",
+                        f"G52 {axis_words(rng)}\nG53 G0 Z3", "G43 H1", "G20\nG53 G1 Z1 F20"]),
+            "G91", move(rng), move(rng),
+            rng.choice(["", "G38.3 Z-5 F50", "G21", f"G93 {move(rng)} F2\nG94 F300"]),
+            "G90 G21", "G92.1", "G10 L2 P1 R0", "G0 X0 Y0 Z10")
 
 
 def degrees(rng):

@@ -45,6 +45,8 @@ class Reader:
         self.is_compensated = False
         # Axes whose place in the work system is not known, and places that the program stores.
         self.lost, self.stored = set(), set()
+        # Of these, those that a probe has moved.
+        self.probed = set()
         self.at = (0.0, 0.0, 0.0)
         # A, B and C; `None` where Kerf does not know them. Those that wait for their motion.
         self.rotary = [0.0, 0.0, 0.0]
@@ -87,10 +89,12 @@ class Reader:
         self.along = {}
         # Known again where the next move of the axis ends.
         self.lost -= {axis for axis, a, b in zip("XYZ", start, end) if a != b} - self.relative
-        self.relative = set()
+        self.probed &= self.lost
+        # LinuxCNC's interpreter alone lets a probe touch just before its end.
+        relative, self.relative = "".join(self.relative - self.probed), set()
         move = Move(kind, start, end, replace(self.state), f"line {it['line']}",
                     feed and feed / self.size, rotary=tuple(self.rotary), turned=turned,
-                    unknown="".join(self.lost))
+                    unknown="".join(self.lost), relative=relative)
         if it["kind"] == "arc":
             one, two = PLANES[it["plane"]]
             is_full = abs(start[one] - end[one]) < 1e-9 and abs(start[two] - end[two]) < 1e-9
@@ -102,8 +106,8 @@ class Reader:
             move.pitch, move.feed, self.pitch = self.pitch, None, None
         if self.is_probe:
             move.kind, self.is_probe = "probe", False
-            # Where it touches; LinuxCNC's interpreter alone lets it do so just before the end.
-            self.lost |= {axis for axis, a, b in zip("XYZ", start, end) if a != b}
+            self.probed |= {axis for axis, a, b in zip("XYZ", start, end) if a != b}
+            self.lost |= self.probed
         self.items.append(move)
 
     def turn(self, axes):

@@ -81,6 +81,9 @@ class Reader:
     def allowed_mm(self):
         # Half a digit of a position, and of the offset that it is added to.
         digits = 1.0 + any(self.g92)
+        if self.rotation:
+            # Each place is made of two numbers.
+            digits *= math.sqrt(2.0)
         return digits * 0.505e-4 * self.unit / self.size + SAME_MM
 
     def work(self):
@@ -104,7 +107,7 @@ class Reader:
         if kind in ("line", "arc") and self.pitch is None:
             # Degrees are no lengths.
             only_turns = kind == "line" and math.dist(start, end) <= 2.0 * self.allowed_mm
-            unit = 1.0 if only_turns else self.feed_unit * (self.state.speed if self.is_per_revolution else 1.0)
+            unit = 1.0 if only_turns else self.feed_unit * (self.speed(start, end) if self.is_per_revolution else 1.0)
             feed, allowed_feed = self.feed * unit / self.size, 0.505e-4 * unit / self.size
         rotary = tuple(at + g92 for at, g92 in zip(rotary, self.g92_rotary))
         turned = any(abs(a - b) > 1e-4 for a, b in zip(rotary, self.rotary))
@@ -114,6 +117,13 @@ class Reader:
             start_allowed_mm=self.start_allowed_mm,
             allowed_feed=allowed_feed, pitch=self.pitch, machine_end=self.machine, rotary=self.rotary, turned=turned, **more))
         self.start_allowed_mm = self.allowed_mm
+
+    def speed(self, start, end):
+        """1/min; under G96 where the line is farthest from X0."""
+        if self.state.speed_max is None:
+            return self.state.speed
+        radius = max(abs(at[0] - self.g92[0]) for at in (start, end)) * self.size
+        return min(self.state.speed_max, 1000.0 * self.state.speed / (2.0 * math.pi * radius) if radius else math.inf)
 
     def event(self, kind, value=None):
         self.items.append(Event(kind, replace(self.state), self.line, value))
@@ -217,7 +227,10 @@ class Reader:
         self.state.speed_max = self.numbers(arguments)[-1] or None
 
     def on_set_spindle_speed(self, arguments):
-        self.state.speed = self.numbers(arguments)[-1]
+        speed = self.numbers(arguments)[-1]
+        # Feet a minute under G96 in inches.
+        is_feet = self.state.speed_max and self.unit != 1.0
+        self.state.speed = speed * 0.3048 if is_feet else speed
 
     def on_flood_on(self, _):
         self.state.flood = True

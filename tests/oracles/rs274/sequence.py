@@ -26,7 +26,9 @@ class State:
                 return f"{name} {one} and {two}"
         if self.speed_max != other.speed_max:
             return f"S at most {self.speed_max} and {other.speed_max}"
-        if abs(self.speed - other.speed) > 1e-4 + 1e-9 * abs(self.speed):
+        # Kerf writes that of G96 with three decimals.
+        allowed = 1e-4 if self.speed_max is None else 6e-4
+        if abs(self.speed - other.speed) > allowed + 1e-9 * abs(self.speed):
             return f"S{self.speed:.4f} and S{other.speed:.4f}"
         return None
 
@@ -60,6 +62,8 @@ class Move:
     turned: bool = False
     # Axes whose place Kerf does not know, since a move in machine coordinates.
     unknown: str = ""
+    # Of these, the axes that it moves by so much from there.
+    relative: str = ""
 
     @property
     def is_empty(self):
@@ -197,6 +201,9 @@ def apart(a, b):
         for axis, x, y in zip("XYZ", a.end, b.end):
             if axis not in b.unknown and not abs(x - y) <= a.allowed_mm + 1e-12 * abs(x):
                 return f"{axis} is {y - x:.6f} mm aside"
+            n = "XYZ".index(axis)
+            if axis in b.relative and abs(x - a.start[n] - y + b.start[n]) > a.allowed_mm + a.start_allowed_mm:
+                return f"{axis} goes by {y - b.start[n]:.6f} mm, not {x - a.start[n]:.6f} mm"
     if a.kind == "arc":
         if a.plane != b.plane:
             return "in another plane"

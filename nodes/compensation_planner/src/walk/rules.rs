@@ -333,7 +333,7 @@ fn name(action: &Action) -> String {
         Action::SetWorkOffset { .. } => "a change of a work offset".into(),
         Action::Probe(_) => "a probe".into(),
         Action::SpindleSync { .. } => "a thread (G33, G76)".into(),
-        Action::Relative { .. } => "a move from where a probe has ended".into(),
+        Action::Relative { .. } => "an incremental move from a place that only the machine knows".into(),
         Action::Stretch { .. } => "the result of a probe or of M66".into(),
         _ => action.text(),
     }

@@ -2,7 +2,8 @@
 //!
 //! An axis is known once an absolute straight move has named it. After a move in machine
 //! coordinates or to a reference position, or a change of offset, it is unknown until it is named
-//! again. After a probe it is, too, but can be moved from there by so much (G91).
+//! again. It can be moved from wherever it is by so much (G91), until a tool change may leave it
+//! elsewhere.
 
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{AxisSet, Position};
@@ -22,7 +23,9 @@ pub(super) struct Axes {
     /// In a rotated work system these sets are still about the axes of the machine: who relies on X there
     /// relies on both.
     unknown: AxisSet,
-    /// Of the unknown ones, those that stand where a probe has ended, or by so much from there.
+    /// Of the unknown ones, those that can be moved by so much from wherever they are.
+    movable: AxisSet,
+    /// Of these, those that stand where a probe has ended, or by so much from there.
     drifting: AxisSet,
     /// Those that stand where a probe has ended without a touch, or by so much from there.
     missed: AxisSet,
@@ -49,6 +52,7 @@ impl Axes {
         Self {
             position: start,
             unknown: AxisSet::NONE,
+            movable: AxisSet::NONE,
             drifting: AxisSet::NONE,
             missed: AxisSet::NONE,
             poisoned: AxisSet::NONE,
@@ -85,6 +89,7 @@ impl Axes {
     /// Marks axes as unknown: their position in the work frame has changed.
     pub(super) fn lose(&mut self, axes: AxisSet, cause: Cause) {
         self.unknown = self.unknown.union(axes);
+        self.movable = self.movable.union(axes);
         self.drifting = self.drifting.without(axes);
         self.missed = self.missed.without(axes);
         self.unnamed = self.unnamed.without(axes);
@@ -112,9 +117,16 @@ impl Axes {
     /// What happens now may leave them elsewhere, or in another frame: no axis can be moved by so much.
     pub(super) fn end_drift(&mut self, cause: Cause) {
         self.lose(self.drifting(AxisSet::ALL), cause);
+        self.movable = AxisSet::NONE;
     }
 
     /// Those of some axes that can be moved by so much, wherever they are.
+    pub(super) fn movable(&self, axes: AxisSet) -> AxisSet {
+        let movable = axes.bits() & self.unknown.bits() & self.movable.bits();
+        AxisSet::from_bits(movable).without(self.poisoned)
+    }
+
+    /// Those of some axes that stand where a probe has ended, or by so much from there.
     pub(super) fn drifting(&self, axes: AxisSet) -> AxisSet {
         AxisSet::from_bits(axes.bits() & self.unknown.bits() & self.drifting.bits())
     }

@@ -220,34 +220,41 @@ impl Interpreter<'_> {
             // How far X, Y and Z go decides how fast the other axes turn.
             relied = relied.union(end.named);
         }
-        let drifting = match self.modal.compensation.is_selected() || self.has_further_along() {
+        let by_so_much = match self.modal.compensation.is_selected() || self.has_further_along() {
             true => AxisSet::NONE,
-            false => self.drifting(&end),
+            false => self.by_so_much(&end),
         };
         if class == MotionClass::Feed && self.modal.feed_mode == FeedMode::InverseTime {
             // How far it goes decides how fast.
-            relied = relied.union(self.axes.drifting(end.named));
+            relied = relied.union(end.named);
         }
-        let is_sound = self.relies(scene, relied.without(drifting)) & self.has_feed(scene, class);
+        let is_sound = self.relies(scene, relied.without(by_so_much)) & self.has_feed(scene, class);
         let from = self.axes.position;
         if self.arrive(&end) && is_sound {
-            self.act_relative(drifting);
+            self.act_relative(by_so_much);
             let stays = (0..3).all(|axis| (from[axis] - end.position[axis]).abs() < STAYS_MM);
             if turns_at_feed && stays {
                 return self.further_without_motion(scene, further_from);
             }
             self.feed_of_length(class, || distance(from, end.position));
             self.feed_at_surface(class, from, end.position, None);
-            self.add_to_bounds(from, Shape::Line, end.position, end.named);
+            self.add_to_bounds(from, Shape::Line, end.position, self.placed(&end));
             self.emit_motion(Shape::Line, end.position, class, end.named);
         }
     }
 
-    /// The axes that the move takes by so much from where a probe has ended.
+    /// The axes of a move whose end in the work frame is known, as far as the way of a probe says it.
     #[inline]
-    pub(super) fn drifting(&self, end: &End) -> AxisSet {
+    pub(super) fn placed(&self, end: &End) -> AxisSet {
+        let moved = self.by_so_much(end);
+        end.named.without(moved.without(self.axes.drifting(moved)))
+    }
+
+    /// The axes that the move takes by so much from wherever they are.
+    #[inline]
+    pub(super) fn by_so_much(&self, end: &End) -> AxisSet {
         match self.modal.distance {
-            Distance::Incremental => self.axes.drifting(end.relative),
+            Distance::Incremental => self.axes.movable(end.relative),
             Distance::Absolute => AxisSet::NONE,
         }
     }

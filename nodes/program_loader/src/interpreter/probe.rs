@@ -108,11 +108,11 @@ impl Interpreter<'_> {
             let help = "write G94 and F into this block";
             self.report_block(scene, Code::ModalConflict, message, help);
         }
-        let drifting = self.drifting(&end);
-        let is_sound = self.relies(scene, end.relative.without(drifting))
+        let by_so_much = self.by_so_much(&end);
+        let is_sound = self.relies(scene, end.relative.without(by_so_much))
             & self.has_feed(scene, MotionClass::Feed);
         let from = self.axes.position;
-        let relied = self.turned_axes(end.named.without(drifting));
+        let relied = self.turned_axes(end.named.without(by_so_much));
         let stays = self.axes.rely_on(relied) == Reliance::Known
             && (0..3).all(|axis| (from[axis] - end.position[axis]).abs() < STAYS_MM);
         if stays && is_sound && !self.request.is_damaged {
@@ -121,9 +121,9 @@ impl Interpreter<'_> {
             self.report_block(scene, Code::BadNumber, message, help);
         }
         if self.arrive(&end) && is_sound {
-            self.act_relative(drifting);
+            self.act_relative(by_so_much);
             self.act(Action::Probe(probe));
-            self.add_to_bounds(from, Shape::Line, end.position, end.named);
+            self.add_to_bounds(from, Shape::Line, end.position, self.placed(&end));
             self.emit_motion(Shape::Line, end.position, MotionClass::Feed, end.named);
         }
         self.axes.drift(end.named, Cause { source: self.source, word });

@@ -347,9 +347,9 @@ fn tool_lengths_and_radii_may_come_from_the_program() {
         ),
         ("G10 L1 P1 Z[1/0]\nM2", &[("/0", "a division by zero")]),
         (
-            "G43 H1\nG43 H2\nG91 G0 Z1\nM2",
+            "G43 H1\nG43 H2\nG92 Z1\nM2",
             &[(
-                "G91 G0 Z1",
+                "G92 Z1",
                 "this block starts from where Z is, which is not known since G43 in line 2",
             )],
         ),

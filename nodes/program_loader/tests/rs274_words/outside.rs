@@ -1,7 +1,7 @@
 //! What was found beside LinuxCNC's interpreter, and in programs that other controls' posts write.
 
 use super::*;
-use cnc_msgs::contour::{ContourEvent, ContourEventKind, Motion, MotionClass};
+use cnc_msgs::contour::{Action, ContourEvent, ContourEventKind, Motion, MotionClass};
 use cnc_msgs::finding::Finding;
 
 /// The help of the first error.
@@ -173,4 +173,51 @@ fn a_file_of_a_program_is_not_written_and_that_is_said_once() {
     let loaded = read("(PROBEOPEN a.txt)\n(PROBECLOSE)\n(LOGOPEN, b.txt)\nM2");
     let found: Vec<&str> = loaded.findings.iter().map(|it| it.message.as_str()).collect();
     assert!(matches!(found[..], [text] if text.starts_with("no file is written")), "{found:?}");
+}
+
+#[test]
+fn incremental_moves_go_by_so_much_from_wherever_the_tool_is() {
+    let relative = |text: &str| -> String {
+        let loaded = read(text);
+        assert!(loaded.is_accepted(), "{text}: {:?}", loaded.findings);
+        let found = loaded.contour.events.iter().filter_map(|event| match event.kind {
+            ContourEventKind::Action(Action::Relative { axes }) => Some(axes.letters()),
+            _ => None,
+        });
+        found.collect::<Vec<_>>().join("; ")
+    };
+    for (before, by_so_much) in [
+        ("G0 Z5", "X"),
+        ("G0 X0 Z5\nG53 G0 X0 Z0", "XZ; X"),
+        ("G0 X0 Z5\nG28 X1", "X; X"),
+        ("G0 X0 Z5\nG55", "XZ; X"),
+        ("G0 X0 Z5\nG10 L2 P1 Z7", "Z"),
+        ("G0 X0 Z5\nG43 H1", "Z"),
+        ("G0 X0 Y0 Z5\nG10 L2 P1 R30 X2 Y3", "XY; XY"),
+        ("T1 M6\nG53 G0 Z0", "Z"),
+    ] {
+        let text = format!("{before}\nG91 G0 X1 Z-1\nG90 Z2\nG91 G1 X3 F100\nG90 G0 X0 Y0\nM2");
+        let found = relative(&text);
+        let wanted = if before == "G0 Z5" { "" } else { by_so_much };
+        assert_eq!(found, wanted, "{before}");
+    }
+    // A tool length probe that is begun in the machine.
+    assert_eq!(relative("F100 G53 G0 X5 Y5 Z-1\nG91 G38.2 Z-50\nG0 Z2\nG90 G0 Z5\nM2"), "Z; Z");
+    // Where it ends is no place of the work system.
+    let bounds = |text| read(text).bounds.expect("a move");
+    let lost = bounds("G0 X0 Z5\nG53 G0 Z0\nG91 G0 X1 Z-90\nM2");
+    assert_eq!((lost.min[2], lost.max[0]), (5.0, 1.0));
+    // A tool change may leave the tool elsewhere.
+    for text in ["G53 G0 Z0\nT1 M6\nG91 G0 Z-1\nM2", "G55\nT1 M6 G91 G0 Z-1\nM2"] {
+        assert!(!read(text).is_accepted(), "{text}");
+    }
+}
+
+#[test]
+fn under_g93_a_move_relies_on_where_it_begins() {
+    let message = "this block starts from where Z is, which is not known since G53 in line 2";
+    check_bad(&[("G0 Z5\nG53 G0 Z0\nG93 G1 Z-5 F2\nM2", &[("G93 G1 Z-5 F2", message)])]);
+    let loaded = read("G93 G1 Z-5 F2\nM2");
+    assert!(loaded.is_accepted() && loaded.contour.assumed_axes.contains(2));
+    assert!(read("G53 G0 Z0\nG91 G93 G1 Z-5 F2\nM2").is_accepted());
 }
