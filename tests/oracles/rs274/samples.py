@@ -14,8 +14,7 @@ class Sample:
         self.path = path
         self.feature = feature
         self.name = str(path.relative_to(base))
-        # Where its subprograms are.
-        self.folder = path.parent
+        self.folder = subprograms(path.parent)
         self.seed = 0
 
     def text(self, _size=1):
@@ -28,6 +27,15 @@ class Sample:
         code = re.sub(r"\([^)]*\)|;.*", "", self.text())
         numbers = {int(it) for it in re.findall(r"(?i)[TDH] *(\d{1,5})(?![\d.])", code)}
         return [(it, 3.0, 0.0) for it in sorted(numbers | set(range(1, 10))) if it]
+
+
+def subprograms(folder):
+    """Where the subprograms of the programs of a folder are: the INI files beside and above it say so."""
+    for ini in [*sorted(folder.glob("*.ini")), *sorted(folder.parent.glob("*.ini"))]:
+        path = re.search(r"(?m)^SUBROUTINE_PATH *= *([^\s:]+)", ini.read_text(errors="replace"))
+        if path and (ini.parent / path[1]).is_dir():
+            return (ini.parent / path[1]).resolve()
+    return folder
 
 
 def samples(base, feature):

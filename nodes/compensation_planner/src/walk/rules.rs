@@ -333,7 +333,9 @@ fn name(action: &Action) -> String {
         Action::SetWorkOffset { .. } => "a change of a work offset".into(),
         Action::Probe(_) => "a probe".into(),
         Action::SpindleSync { .. } => "a thread (G33, G76)".into(),
-        Action::Relative { .. } => "an incremental move from a place that only the machine knows".into(),
+        Action::Relative { .. } => {
+            "an incremental move from a place that only the machine knows".into()
+        }
         Action::Stretch { .. } => "the result of a probe or of M66".into(),
         _ => action.text(),
     }
