@@ -115,6 +115,18 @@ fn g71_cuts_pockets_g71_1_leaves_them_and_g71_2_cuts_only_them() {
 }
 
 #[test]
+fn g71_1_ends_at_a_top_beyond_the_height_where_it_begins() {
+    // What comes after it is a pocket that no material covers.
+    let above = "G0 X10 Z2\nG1 Z-10\nX24 Z-14\nX19 Z-18";
+    let along = "f20,-12.8571 r20.5,-12.3571 r20.5,4.5 r20,5 r12,2.6 f12,-10.5714 r12.5,-10.0714 r12.5,2.1 r12,2.6 \
+                 r10,2 f10,-10 f24,-14";
+    assert_eq!(moves(above, "G71.1 Q100 I8"), along);
+    assert_eq!(moves(&format!("{above}\nX23 Z-20"), "G71.1 Q100 I8"), along);
+    let level = "G0 X10 Z2\nG1 Z-10\nX20 Z-14\nX19 Z-18";
+    assert!(moves(level, "G71.1 Q100 I8").ends_with("f20,-14 f20,-18"));
+}
+
+#[test]
 fn a_finishing_cycle_follows_the_profile_in_so_many_passes() {
     for (profile, cycle, wanted) in [
         (SHAFT, "G70 Q100", "r5,2 f5,-10 f10,-15 f10,-20 f16,-25"),

@@ -1085,7 +1085,7 @@ def lathe_words(rng, number, points, place, mirrored, wide):
     return [*lines, f"o{number} endsub"]
 
 
-@feature("lathe cycles", 150)
+@feature("lathe cycles", 300)
 def lathe_cycles(program, rng):
     face = rng.random() < 0.4
     cycle = rng.choice(["G70", "G71", "G71", "G71.1", "G71.2"])

@@ -69,6 +69,10 @@ impl Roughing {
             let falls = piece.to[1] < piece.from[1] - SAME_MM;
             let is_pocket = falls && !is_first_fall;
             if is_pocket && self.passes.pockets == Pockets::None {
+                // Above the height where the cycle begins nothing is left to cut.
+                if self.next_at(index, at[1]).is_none() {
+                    return;
+                }
                 let (end, to) = self.reaches(index, at[1]);
                 if end > index {
                     self.go(to, false, None, None);
@@ -134,9 +138,7 @@ impl Roughing {
 
     /// Where the path next reaches a height after a piece on which it goes below it: the piece, and the place.
     fn reaches(&self, index: usize, height: f64) -> (usize, Point) {
-        let later = self.pieces.iter().enumerate().skip(index + 1);
-        let mut found = later.filter(|(_, it)| it.from[1].max(it.to[1]) >= height - SAME_MM);
-        match found.next() {
+        match self.next_at(index, height) {
             Some((end, piece)) if piece.from[1] >= height - SAME_MM => {
                 (end, [piece.from[0], height])
             }
@@ -147,6 +149,12 @@ impl Roughing {
                 (last, [self.pieces[last].to[0], height])
             }
         }
+    }
+
+    /// The first of the later pieces that is at this height or above it.
+    fn next_at(&self, index: usize, height: f64) -> Option<(usize, &Piece)> {
+        let mut later = self.pieces.iter().enumerate().skip(index + 1);
+        later.find(|(_, it)| it.from[1].max(it.to[1]) >= height - SAME_MM)
     }
 
     fn go(&mut self, to: Point, is_rapid: bool, circle: Option<Circle>, origin: Option<usize>) {
