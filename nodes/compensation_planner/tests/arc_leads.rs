@@ -69,6 +69,30 @@ fn on_both_sides_and_in_both_turns_the_arc_ends_beside_its_end() {
 }
 
 #[test]
+fn an_arc_that_grows_to_more_than_twice_its_radius_is_told() {
+    // Inside of a quarter of 10 mm: with R 5 the arc grows by 1.75, with R 6 by 2.05, with R 9 by 5.95.
+    for (diameter, run) in [(10, None), (12, Some("14.500 mm")), (18, Some("50.500 mm"))] {
+        let plan =
+            judged(&format!("G0 X0 Y0\nG41.1 D{diameter}\nG3 X10 Y10 I0 J10\nG1 Y60\nG40 X-60"));
+        assert!(plan.accepted(), "{diameter}: {}", findings(&plan));
+        let Some(run) = run else {
+            assert_eq!(findings(&plan), "");
+            continue;
+        };
+        assert_eq!(codes(&plan), [Code::LeadType]);
+        let told = finding(&plan, Code::LeadType);
+        assert_eq!(told.source.line, 3);
+        let wanted = format!(
+            "the lead-on is an arc with a radius of 10.000 mm, and the centre of this tool runs one with {run}"
+        );
+        assert_eq!(told.message, wanted);
+    }
+    // Outside of it the tool runs one that is as much larger as the tool, and no more.
+    let small = judged("G0 X0 Y0\nG42.1 D24\nG3 X10 Y10 I0 J10\nG1 Y60\nG40 X60");
+    assert_eq!(findings(&small), "");
+}
+
+#[test]
 fn a_corner_after_the_arc_is_one_like_any_other() {
     // Inside, where the line meets the circle of the lead; outside, around the end of the arc.
     check(
@@ -201,7 +225,7 @@ fn a_lead_arc_that_cuts_the_contour_is_refused() {
 fn an_arc_that_starts_past_the_path_along_the_contour_is_refused() {
     // The line from its end goes back past the start. LinuxCNC goes most of the way around to it.
     let plan = judged("G0 X0 Y0\nG41.1 D10\nG3 X6 Y6 I0 J6\nG1 X-30 Y-7.1\nG40 X-40 Y-40");
-    assert_eq!(codes(&plan), [Code::LeadLength], "{}", findings(&plan));
+    assert_eq!(codes(&plan), [Code::LeadType, Code::LeadLength], "{}", findings(&plan));
     let found = finding(&plan, Code::LeadLength);
     assert!(found.message.contains("is an arc of 6.111 mm;"), "{}", found.message);
     assert!(found.message.contains("along line 4 8.009 mm before the end"), "{}", found.message);

@@ -81,5 +81,9 @@ pub(crate) const SHORT_ARC_SHIFT_REL: f64 = 0.5;
 /// that far away a centre still locates the arc to 1e-9 mm.
 pub(crate) const LEAD_ARC_RADIUS_MM_MAX: f64 = 1e6;
 
+/// How many times as large as programmed an arc that leads to a contour may be before a warning says so.
+/// Where it turns by a quarter, tools inside of it stay below up to 0.58 of its radius.
+pub(crate) const LEAD_ARC_GROWTH_MAX: f64 = 2.0;
+
 /// Radii that differ by less are the same offset, mm.
 pub(crate) const RADIUS_MM: f64 = 1e-9;

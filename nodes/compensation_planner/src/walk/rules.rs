@@ -12,7 +12,7 @@ pub(crate) use findings::*;
 
 use crate::geometry::element::{Arc, Element};
 use crate::geometry::frame::{element, in_plane};
-use crate::geometry::tolerance::RADIUS_MM;
+use crate::geometry::tolerance::{LEAD_ARC_GROWTH_MAX, RADIUS_MM};
 use crate::span::Lead;
 use crate::span::lead_arc::{NoLeadArc, lead_arc};
 use cnc_msgs::contour::{Action, Motion, MotionClass, Source};
@@ -76,6 +76,13 @@ impl Rules<'_> {
         if let (None, Some(element)) = (&found, &element) {
             let end = in_plane(plane, lead.motion.end);
             found = uneven_arc(lead.source, element, end, d_mm, self.profile);
+        }
+        let run = arc.and_then(|arc| lead_arc(&arc, d_mm).ok());
+        if let (None, Some(arc), Some(run)) = (&found, arc, run)
+            && run.radius > LEAD_ARC_GROWTH_MAX * arc.radius
+        {
+            let run_mm = run.radius - d_mm * run.turn;
+            found = Some(grown_lead_arc(lead.source, arc.radius, run_mm));
         }
         self.findings.extend(found.map(|mut finding| {
             finding.position = Some(lead.motion.end);

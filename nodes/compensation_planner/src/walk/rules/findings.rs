@@ -227,6 +227,18 @@ pub(crate) fn no_lead_arc(source: Source, why: NoLeadArc, d_mm: f64) -> Finding 
     }
 }
 
+/// An arc that leads to its offset as one that is much larger.
+pub(crate) fn grown_lead_arc(source: Source, programmed_mm: f64, run_mm: f64) -> Finding {
+    let [programmed, run] = with_enough_digits(programmed_mm, run_mm);
+    let message = format!(
+        "the lead-on is an arc with a radius of {programmed} mm, and the centre of this tool runs one with \
+         {run} mm"
+    );
+    Finding::warning(Code::LeadType, source, message).help(
+        "make the arc larger, use a smaller tool, or put a straight move in the plane before the arc",
+    )
+}
+
 /// An arc as the first move of a tip.
 pub(crate) fn arc_lead_of_tip(source: Source, tip: u8) -> Finding {
     Finding::error(
