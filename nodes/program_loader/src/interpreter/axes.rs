@@ -5,6 +5,7 @@
 //! again. It can be moved from wherever it is by so much (G91), until a tool change may leave it
 //! elsewhere.
 
+use super::tool_lengths::Length;
 use cnc_msgs::contour::Source;
 use cnc_msgs::geometry::{AxisSet, Position};
 
@@ -33,6 +34,8 @@ pub(super) struct Axes {
     /// Axes that no move has named since the start.
     unnamed: AxisSet,
     causes: [Cause; 3],
+    /// Of a Z that is not known because the tool length has changed: the length that `position` counts with.
+    counted_with: Option<Option<Length>>,
 }
 
 /// Whether a motion may rely on the position of some axes.
@@ -58,6 +61,7 @@ impl Axes {
             poisoned: AxisSet::NONE,
             unnamed: AxisSet::ALL,
             causes: [Cause::default(); 3],
+            counted_with: None,
         }
     }
 
@@ -96,6 +100,27 @@ impl Axes {
         for axis in (0..3).filter(|&axis| axes.contains(axis)) {
             self.causes[axis] = cause;
         }
+        if axes.contains(2) {
+            self.counted_with = None;
+        }
+    }
+
+    /// Marks Z as unknown because another tool length is in force.
+    pub(super) fn lose_by_length(&mut self, before: Option<Length>, cause: Cause) {
+        const Z: AxisSet = AxisSet::NONE.with(2);
+        let counted_with = match self.rely_on(Z) {
+            Reliance::Known => Some(before),
+            // Since one before, if by that.
+            Reliance::Unknown(_) => self.counted_with,
+            _ => None,
+        };
+        self.lose(Z, cause);
+        self.counted_with = counted_with;
+    }
+
+    /// The tool length that the last known place of Z counts with, where no more than the length has changed.
+    pub(super) fn counted_with(&self) -> Option<Option<Length>> {
+        self.counted_with
     }
 
     /// Marks axes as unknown because a probe ends wherever it touches.

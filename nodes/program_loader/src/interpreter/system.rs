@@ -152,7 +152,9 @@ impl Interpreter<'_> {
                 place.ok_or(Trouble::UnknownPosition { axis: char::from(AXIS_WORDS[axis]) })
             }
             Reliance::Unknown(_) => {
-                Err(Trouble::UnknownPosition { axis: char::from(AXIS_WORDS[axis]) })
+                let unknown = Trouble::UnknownPosition { axis: char::from(AXIS_WORDS[axis]) };
+                let place = if axis == 2 { self.z_by_length() } else { None };
+                Ok((place.ok_or(unknown)?? - self.modal.shift[axis]) / self.scale())
             }
             Reliance::Poisoned => Ok(f64::NAN),
             reliance => {

@@ -188,8 +188,8 @@ impl Interpreter<'_> {
         };
         self.act(Action::ToolLength { offset, second, length_mm });
         if self.modal.length != length {
-            self.modal.length = length;
-            self.axes.lose(AxisSet::NONE.with(2), Cause { source: self.source, word });
+            let before = std::mem::replace(&mut self.modal.length, length);
+            self.axes.lose_by_length(before, Cause { source: self.source, word });
         }
     }
 

@@ -4,6 +4,7 @@
 
 use super::Interpreter;
 use super::compensation::TIPS;
+use super::tool_lengths::Length;
 use crate::expression::Trouble;
 use crate::tool_rows::{ToolRow, ToolRows};
 
@@ -34,9 +35,7 @@ impl Interpreter<'_> {
             _ if tool == 0 => Ok(0.0),
             5403 => {
                 let length = self.length_of(tool);
-                let tools = [length.tool, length.second].into_iter().flatten();
-                let rows: Result<Vec<_>, _> = tools.map(|tool| self.tool_row(tool)).collect();
-                Ok(rows?.iter().map(|row| row.length_mm).sum::<f64>() + length.added_mm)
+                self.length_mm(length)
             }
             5410 => match self.tool_entries.get(&tool).and_then(|entry| entry.radius_mm) {
                 Some(radius_mm) => Ok(2.0 * radius_mm),
@@ -49,6 +48,21 @@ impl Interpreter<'_> {
             }
             _ => Ok(0.0),
         }
+    }
+
+    /// A length offset in millimetres.
+    fn length_mm(&self, length: Length) -> Result<f64, Trouble> {
+        let tools = [length.tool, length.second].into_iter().flatten();
+        let rows: Result<Vec<_>, _> = tools.map(|tool| self.tool_row(tool)).collect();
+        Ok(rows?.iter().map(|row| row.length_mm).sum::<f64>() + length.added_mm)
+    }
+
+    /// Where Z is in the work system, mm, if no more than the tool length has changed since it was known.
+    pub(super) fn z_by_length(&self) -> Option<Result<f64, Trouble>> {
+        let mm = |length: Option<Length>| length.map_or(Ok(0.0), |length| self.length_mm(length));
+        let before = self.axes.counted_with()?;
+        let longer_mm = mm(self.modal.length).and_then(|now| Ok(now - mm(before)?));
+        Some(longer_mm.map(|longer_mm| self.axes.position[2] - longer_mm))
     }
 
     fn tool_row(&self, tool: u32) -> Result<ToolRow, Trouble> {

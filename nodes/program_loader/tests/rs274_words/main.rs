@@ -135,6 +135,38 @@ fn the_tool_in_the_spindle_is_read_as_the_program_has_set_it() {
 }
 
 #[test]
+fn where_z_is_after_a_change_of_the_tool_length_follows_from_both_lengths() {
+    let z = "(DEBUG, %.2f#<_z> #5422)";
+    check(&[
+        (
+            &format!(
+                "G0 Z20\nT1 M6\nG10 L1 P1 Z7 R3\nG43\n{z}\nG92 X0\nG43.1 Z2\n{z}\nG52 Z1\nG49\n{z}\nG20\n{z}\nM2"
+            ),
+            "rapid X0 Y0 Z20 named Z; T1; M6 T1; G43.1 Z7; (MSG, 13.00 13.00); G43.1 Z2; (MSG, 18.00 18.00); G49; \
+             (MSG, 19.00 19.00); (MSG, 0.75 0.75); M2",
+            &[],
+        ),
+        (
+            "G0 Z20\nG43.1 Z5\nG91 G0 Z-1\n#1=#<_z>\nG90 G0 Z#1\nM2",
+            "rapid X0 Y0 Z20 named Z; G43.1 Z5; G91 Z; rapid X0 Y0 Z19 named Z; rapid X0 Y0 Z14 named Z; M2",
+            &[],
+        ),
+    ]);
+    let unknown = "#<_z> is the position of Z, which is not known here";
+    for before in [
+        "G43.1 Z5",
+        "G0 Z1\nG43.1 Z5\nG53 G0 Z0",
+        "G0 Z1\nG53 G0 Z0\nG43.1 Z5",
+        "G0 Z1\nG43.1 Z5\nG55",
+    ] {
+        check_bad(&[(&format!("{before}\n#1=#<_z>\nM2"), &[("#<_z>", unknown)])]);
+    }
+    // The table comes with the text of a program that reads it.
+    let missing = "#<_z> is a value of the tool table, which is not here";
+    check_bad(&[("G0 Z1\nT1 M6\nG43\n#1=#<_z>\nM2", &[("#<_z>", missing)])]);
+}
+
+#[test]
 fn two_words_for_the_machine_of_one_group_exclude_each_other() {
     check_bad(&[
         ("M3 M19 R5\nM2", &[("M19", "M3 and M19 exclude each other in one block")]),
