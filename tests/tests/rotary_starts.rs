@@ -200,6 +200,8 @@ fn a_check_says_which_axes_are_turned_and_which_stay() {
     let said = line.ask(request(&part, 8, true)).expect("it may begin there");
     let wanted = "first come G53G0Z-2, G54, G0A180B-20, G0X30Y20, G1Z-1F600";
     assert!(said.contains(wanted), "{said}");
+    let wanted = "AB are not homed: be sure that they stand at A-7.000 B0.000";
+    assert!(said.contains(wanted), "{said}");
     // Before an axis has turned it is where it stands.
     let late = path("G21 G90\nG0 X1 Y0 Z0\nG1 X2 F100\nX3\nX4 A90\nM2\n");
     let said = line.ask(request(&late, 4, true)).expect("it may begin there");
@@ -216,4 +218,77 @@ fn a_check_says_which_axes_are_turned_and_which_stay() {
     line.zero_here();
     let idle = path("G21 G90\nG0 X1 A0\nG1 X2 F100\nX3\nM2\n");
     line.ask(request(&idle, 4, true)).expect("it may begin there");
+}
+
+/// Rings about A, then a retract: what is cut has no element.
+const RINGS: &str = "G21 G90 G94 G54
+G0 Z20
+G0 X10 Y10 A0
+G1 Z-1 F300
+G1 A90 F3600
+G1 A180
+X20 F300
+G1 A360 F3600
+A720
+A0
+G0 Z20
+M2
+";
+
+#[test]
+fn the_tool_comes_down_at_the_feed_of_the_program_and_never_at_rapid() {
+    let mut line = board(Firmware::GrblHal, true);
+    for (program, start_line, wanted) in [
+        // The rings before the retract, and the retract itself.
+        (RINGS, 8, "G1Z-1F300"),
+        (RINGS, 11, "G1Z-1F300"),
+        // A time (G93) is no feed of the tool.
+        (
+            "G21 G90\nG0 X1 Y0 Z0\nG1 Z-1 F300\nG93 G1 X1.1 A3600 F2\nG94 G0 Z5\nM2\n",
+            5,
+            "G1Z-1F300",
+        ),
+    ] {
+        let said = line.ask(request(&path(program), start_line, true)).expect("it may begin there");
+        assert!(said.contains(wanted), "{program} {start_line}: {said}");
+        let down = format!("down to Z-1.000 at {}", wanted.trim_start_matches("G1Z-1"));
+        assert!(said.contains(&down), "{said}");
+    }
+    let rapids = "G21 G90\nG0 X1 Y0 Z0\nG0 Z-1\nG1 A90 F360\nG0 Z5\nM2\n";
+    let refused = line.ask(request(&path(rapids), 5, true)).expect_err("a refusal");
+    assert_eq!(refused.error_code, error_code::START_LINE, "{refused}");
+    assert!(refused.message.contains("would come down to Z-1.000 at rapid"), "{refused}");
+    // The advice helps.
+    let written = rapids.replace("G0 Z-1", "G1 Z-1 F300");
+    line.ask(request(&path(&written), 5, true)).expect("it may begin there");
+}
+
+#[test]
+fn a_start_that_leaves_the_retract_of_the_program_out_lifts_the_tool() {
+    let part =
+        path("G21 G90 G54\nG53 G0 Z-5\nG0 X10 Y10 A10\nG0 Z5\nG1 Z-1 F300\nX60 A20\nG0 Z5\nM2\n");
+    let mut line = board(Firmware::GrblHal, true);
+    for (axes, target) in
+        [(AxisSet::from_bits(0b011), [90.0, 10.0, 0.0]), (AxisSet::NONE.with(2), [0.0, 0.0, -1.0])]
+    {
+        jog(&mut line, axes, target, FurtherAxes::NONE);
+    }
+    let said = line.ask(request(&part, 3, true)).expect("it may begin there");
+    for wanted in
+        ["the approach from X90.000 Y10.000 Z-1.000, up to Z48.000", "first come G53G0Z-2"]
+    {
+        assert!(said.contains(wanted), "{wanted}: {said}");
+    }
+    line.ask(request(&part, 3, false)).expect("it begins there");
+    let clear = CLEAR_Z - ORIGIN[2];
+    while line.finished.is_none() {
+        let before = in_work(&line);
+        line.step();
+        let at = in_work(&line);
+        let crosses = (before[0] - at[0]).abs() > 1e-9 && at[0] > 10.0 + NEAR;
+        let is_first = line.state().line < 4;
+        assert!(!(crosses && is_first) || (at[2] - clear).abs() < NEAR, "{at:?}");
+    }
+    let result = line.result();
+    assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
 }

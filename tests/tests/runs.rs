@@ -67,8 +67,13 @@ fn homed(config: DriverConfig) -> Line {
     line
 }
 
+/// To a height above the place where homing leaves the tool.
 fn lifting() -> DriverConfig {
-    let encoder = EncoderConfig { approach_z_mm: Some(-5.0), ..EncoderConfig::default() };
+    lifting_to(-0.5)
+}
+
+fn lifting_to(height: f64) -> DriverConfig {
+    let encoder = EncoderConfig { approach_z_mm: Some(height), ..EncoderConfig::default() };
     DriverConfig { encoder, ..DriverConfig::default() }
 }
 
@@ -92,7 +97,7 @@ fn m28_a_start_in_the_middle_lifts_goes_over_and_comes_down_at_feed_rate() {
     line.start(contour(), 3);
     line.until("the contour", |line| line.state().line == 4);
     let said = line.said_since(then);
-    let order = ["G53G0Z-5\n", "S8000\n", "M3\n", "G0X20Y0\n", "G1Z-2F600\n", "X25Y5\n"];
+    let order = ["G53G0Z-.5\n", "S8000\n", "M3\n", "G0X20Y0\n", "G1Z-2F600\n", "X25Y5\n"];
     let places: Vec<_> = order.iter().map(|text| said.find(text)).collect();
     assert!(places.iter().all(Option::is_some), "{places:?} in {said:?}");
     assert!(places.is_sorted(), "{places:?} in {said:?}");
@@ -332,7 +337,7 @@ fn m28_behind_a_retract_the_tool_stays_up_and_is_never_taken_back_into_the_part(
     assert_eq!(line.result().outcome, RunOutcome::Succeeded);
     let said = line.said_since(then);
     let moves: Vec<&str> = said.lines().filter(|text| text.contains(['X', 'Y', 'Z'])).collect();
-    assert_eq!(moves, ["G53G0Z-5", "G0X10Y0", "G0X0Y20", "G1Z-8F600"]);
+    assert_eq!(moves, ["G53G0Z-.5", "G0X10Y0", "G0X0Y20", "G1Z-8F600"]);
     // Without a height there is no place that could be gone to.
     let mut line = homed(DriverConfig::default());
     let refusal = line.ask(request(&with_retract(), 5)).unwrap_err();
@@ -341,15 +346,46 @@ fn m28_behind_a_retract_the_tool_stays_up_and_is_never_taken_back_into_the_part(
 }
 
 #[test]
-fn m28_before_the_first_motion_nothing_is_approached() {
+fn m28_before_the_first_motion_the_tool_is_lifted_and_goes_nowhere_else() {
     let mut line = homed(lifting());
     let mut path = with_retract();
     path.elements.iter_mut().for_each(|element| element.source.line += 10);
     let then = line.now;
-    line.start(path, 3);
+    line.start(path.clone(), 3);
     line.until("it cuts", |line| line.state().line == 12);
     let said = line.said_since(then);
-    assert!(!said.contains("G53G0Z-5") && said.contains("G1X0Y0Z-5F600"), "{said}");
+    let moves: Vec<&str> = said.lines().filter(|text| text.contains(['X', 'Y', 'Z'])).collect();
+    assert_eq!(moves[..2], ["G53G0Z-.5", "G1X0Y0Z-5F600"], "{said}");
+    // Where no height is given, the user is told what the first move is.
+    let mut line = homed(DriverConfig::default());
+    let check = match request(&path, 3) {
+        Command::RunProgram(request) => RunRequest { check_only: true, ..request },
+        other => panic!("{other:?}"),
+    };
+    let said = line.ask(Command::RunProgram(check)).expect("it may begin");
+    assert!(said.contains("the first move goes from where the tool stands"), "{said}");
+    // The whole program begins as before.
+    let mut line = homed(lifting());
+    let then = line.now;
+    line.start(path, 1);
+    line.until("it cuts", |line| line.state().line == 12);
+    let said = line.said_since(then);
+    let first = said.lines().find(|text| text.contains(['X', 'Y', 'Z']));
+    assert_eq!(first, Some("G1X0Y0Z-5F600"), "nothing is lifted");
+}
+
+#[test]
+fn m28_nothing_is_lifted_downwards() {
+    // Homing has left the tool at Z-2.
+    for (height, expected) in [(-30.0, "G53G0Z-2"), (-0.5, "G53G0Z-.5")] {
+        let mut line = homed(lifting_to(height));
+        let then = line.now;
+        line.start(contour(), 3);
+        line.until("the contour", |line| line.state().line == 4);
+        let said = line.said_since(then);
+        let up = said.lines().find(|text| text.starts_with("G53"));
+        assert_eq!(up, Some(expected), "{height}");
+    }
 }
 
 #[test]

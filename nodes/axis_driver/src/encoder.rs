@@ -13,6 +13,7 @@ mod config;
 mod firmware_arc;
 mod further;
 mod override_word;
+mod plunge;
 mod port;
 mod probe;
 mod problem;
@@ -43,6 +44,7 @@ pub use config::{Board, EncoderConfig, Homing};
 pub use override_word::AllowedOverrides;
 pub use port::Ports;
 pub use problem::{EncodeError, EncodeProblem};
+pub(crate) use restart::is_whole;
 pub use restart::{StartProblem, start_at};
 pub(crate) use thread::{check_pace, no_spindle_sync, shares};
 pub use user_function::{CalledFunction, UserFunction};
@@ -155,6 +157,8 @@ pub struct Encoder {
     pending: VecDeque<EncoderStep>,
     /// What is left of a helix of very many turns.
     rest: Option<RestOfArc>,
+    /// The tool comes from above.
+    is_lifted: bool,
     start_axes: AxisSet,
     start_further: StartFurther,
     /// S that waits for the line of the next move.
@@ -200,6 +204,7 @@ impl Encoder {
             modal: Modal::default(),
             pending: VecDeque::new(),
             rest: None,
+            is_lifted: false,
             start_axes: AxisSet::NONE,
             start_further: StartFurther::default(),
             speed: None,
@@ -227,6 +232,11 @@ impl Encoder {
             && path.elements.get(..elements)? == &self.path.elements[..elements]
             && path.events.get(..events)? == &self.path.events[..events];
         is_same.then(|| Self { idle_axes: further::idle_axes(&path), path, ..self.clone() })
+    }
+
+    /// Whether the tool is lifted before anything else, and comes from above.
+    pub(crate) fn is_lifted(&self) -> bool {
+        self.is_lifted
     }
 
     /// The axes that must stand where the first element starts, in the middle of a path.

@@ -129,7 +129,8 @@ impl Envelope {
             None => [None; 3],
         };
         // What runs first begins where the tool is, whatever the path says before it.
-        let walk_start = if beginning.element == 0 { start } else { [None; 3] };
+        let comes_first = beginning.element == 0 && beginning.approach.is_none();
+        let walk_start = if comes_first { start } else { [None; 3] };
         let mut walk = MachinePath::new(path, &limits.offsets, walk_start);
         walk.begin_with_tool(workplace.spindle_tool);
         walk.homes_to(limits.home_mm);
@@ -255,6 +256,10 @@ impl Envelope {
         self.travel.see_further(&self.walk.rapid_to(further, first.source));
         let way = self.walk.way_from_above(self.start, height_mm, axes, first.source);
         way.iter().filter(|it| !it.axes.is_empty()).for_each(|it| self.see(it));
+        let [_, _, down] = way;
+        if let [Some(x), Some(y), Some(z)] = down.to {
+            self.walk.assume([x, y, z]);
+        }
     }
 
     /// All axes are homed: what was is in another frame.

@@ -19,7 +19,7 @@ pub(crate) use face::FACE_VARIABLE;
 pub use operator::{OperatorError, ask_operator};
 
 use crate::driver::Command;
-use crate::node::{declared, keep_out, serial_config};
+use crate::node::{check_approach, declared, keep_out, serial_config};
 use crate::serial::Serial;
 use face::{Ended, Face};
 use hub::Hub;
@@ -71,6 +71,9 @@ pub fn main(program: &[&str], args: &[String]) -> ExitCode {
             .expect("every parameter that is asked for is declared")
     };
     let mut config = serial_config(parameter);
+    if let Err(error) = check_approach(parameter) {
+        return complain(&error, 2);
+    }
     match keep_out(parameter) {
         Ok(boxes) => config.driver.keep_out = boxes,
         Err(error) => return complain(&format!("keep_out: {error}"), 2),

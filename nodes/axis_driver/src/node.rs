@@ -24,7 +24,7 @@ mod user_functions;
 mod viewers;
 mod waiting;
 
-pub(crate) use parameters::{declared, keep_out, serial_config};
+pub(crate) use parameters::{check_approach, declared, keep_out, serial_config};
 pub use viewers::settings_to_wire;
 
 use crate::driver::{

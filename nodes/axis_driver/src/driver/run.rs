@@ -275,7 +275,7 @@ impl ProgramRun {
     /// The axes that must be there: those the path relies on, or all in the middle.
     pub(super) fn assumed_axes(&self) -> AxisSet {
         match self.first_element {
-            0 => self.job.request.path.assumed_axes,
+            0 if !self.encoder.is_lifted() => self.job.request.path.assumed_axes,
             _ => self.encoder.start_axes(),
         }
     }

@@ -7,7 +7,7 @@ use super::manual::configure::{Configuration, configure};
 use super::manual::lines::{JogRequest, OffsetRequest, ProbeRequest};
 use super::output::LogLevel;
 use super::run::ProgramRun;
-use super::run::beginning::{Descent, beginning_of};
+use super::run::beginning::{Descent, beginning_of, not_homed_text};
 use super::run::exit::RunVerdict;
 use super::run::proof::{Check, Proof};
 use super::run::replan::ReplanRequest;
@@ -17,7 +17,7 @@ use super::run::workplace::WorkplaceCheck;
 use super::{Driver, Phase};
 use crate::codes::error_code;
 use crate::cycle_time::CycleTime;
-use crate::encoder::{StartProblem, start_at};
+use crate::encoder::{StartProblem, is_whole, start_at};
 use crate::envelope::{Approach, Beginning};
 use cnc_msgs::machine::Mode;
 
@@ -70,9 +70,12 @@ impl Driver {
         };
         // A block during a tool change moves in a frame that the program has set.
         let is_in_span = first_element > 0 && request.path.begins_in_span(first_element);
-        let descent = Descent::of(config.approach_z_mm.is_some(), is_in_span, request.in_span);
-        let height_mm = config.approach_z_mm.filter(|_| first_element > 0);
-        let height_mm = height_mm.filter(|_| descent == Descent::FromAbove);
+        let is_bound = !encoder.start_axes().is_empty() || !encoder.start_further().at.is_empty();
+        let descent = match encoder.is_lifted() {
+            true => Descent::FromAbove,
+            false => Descent::unlifted(is_in_span, request.in_span, is_bound),
+        };
+        let height_mm = config.approach_z_mm.filter(|_| encoder.is_lifted());
         let (axes, further) = (encoder.known_axes(), encoder.further_place().at);
         let approach = height_mm.map(|height_mm| Approach { height_mm, axes, further });
         let (element, event) = (first_element, encoder.events_begun());
@@ -91,10 +94,10 @@ impl Driver {
         let machine = &self.context.machine;
         let here = machine.machine_position().filter(|_| !is_in_change);
         // In the middle the tool stands where the element begins, or comes there from here.
-        let start = here.filter(|_| first_element == 0);
+        let start = here.filter(|_| first_element == 0 && approach.is_none());
         let mut time = CycleTime::new(&limits, &request.path, first_element, start);
         if let Some((approach, here)) = approach.zip(here) {
-            let feed = encoder.feed_from(first_element);
+            let feed = encoder.plunge_feed(first_element);
             let Approach { height_mm, axes, further } = approach;
             let is = machine.further_work();
             let way = further.iter().filter_map(|(axis, to)| Some((axis, to - is.get(axis)?)));
@@ -103,9 +106,9 @@ impl Driver {
         }
         let proof = Proof::new(encoder.clone(), time.clone(), workplace);
         if is_only_encoded {
-            let beginning = match first_element {
-                0 => Vec::new(),
-                _ => {
+            let beginning = match is_whole((request.start_line, request.occurrence)) {
+                true => Vec::new(),
+                false => {
                     let from = request.path.start_of(first_element);
                     let elsewhere = match self.obstacle() {
                         None => machine.start_obstacle(&encoder, from, encoder.start_axes()),
@@ -115,7 +118,9 @@ impl Driver {
                     let text = approach.map(|approach| {
                         machine.approach_text(&request.path, (element, event), approach, &encoder)
                     });
+                    let not_homed = machine.not_homed(encoder.sent_further());
                     let mut parts = beginning_of(&request.path, encoder, descent, text);
+                    parts.extend(not_homed_text(not_homed));
                     parts.extend(elsewhere.map(|it| it.message));
                     parts
                 }

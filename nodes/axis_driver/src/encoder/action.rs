@@ -305,6 +305,7 @@ impl Encoder {
         index: usize,
         (given, further): (AxisSet, FurtherAxes),
     ) -> Result<(), EncodeProblem> {
+        self.is_lifted = true;
         let (path, z_alone) = (self.path.clone(), AxisSet::NONE.with(2));
         let element = &path.elements[index];
         let (source, start) = (element.source, path.start_of(index));
@@ -335,11 +336,9 @@ impl Encoder {
         if down.is_empty() {
             return Ok(());
         }
-        // A path of rapids alone has no feed.
-        let feed = self.feed_from(index);
-        let mut text = String::from(if feed.is_some() { "G1" } else { "G0" }) + &down;
-        self.write_feed(&mut text, feed)?;
-        self.modal.motion = Some(u8::from(feed.is_some()));
+        let mut text = format!("G1{down}");
+        self.write_feed(&mut text, self.plunge_feed(index))?;
+        self.modal.motion = Some(1);
         self.push_action(text, LineKind::Motion, false, source)?;
         // Whether it got there is looked at before anything is cut.
         self.start_axes = given;

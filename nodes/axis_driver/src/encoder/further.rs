@@ -91,6 +91,17 @@ impl Encoder {
         !self.config.board.has_further(axis) && self.idle_axes >> axis & 1 == 1
     }
 
+    /// The axes that are sent anywhere in the path, as the bits of [`FurtherAxes`].
+    pub(crate) fn sent_further(&self) -> u8 {
+        self.path.events.iter().fold(0, |bits, event| match event.action {
+            Action::Further(FurtherMove { axes, .. }) => {
+                let sent = axes.iter().filter(|(axis, _)| !self.leaves_out(*axis));
+                sent.fold(bits, |bits, (axis, _)| bits | 1 << axis)
+            }
+            _ => bits,
+        })
+    }
+
     /// The letters of the axes that only events from here on move, and the line that does so first: until
     /// then they stay where they are.
     pub(crate) fn awaited_further(&self) -> Option<(String, u32)> {

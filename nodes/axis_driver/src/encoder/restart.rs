@@ -8,13 +8,15 @@
 //! A to W included, which is checked after the words that move the frame; or, where a height is given at which
 //! it is clear of everything, it is lifted there before anything else. At that height A to W go where the
 //! program has them, so that nothing turns under the tool; then the tool goes over the
-//! place, and down to it at feed rate. Under compensation it comes down at a point of the
+//! place, and down to it at the feed in force there. So does a start at the first motion that leaves
+//! words or moves before it out: the program's own retract may be one of them. Under compensation it comes down at a point of the
 //! compensated path, along its own axis, so that the plunge removes only what the path
 //! removes there too. Where Z lies in the plane of compensation that is not so, and the tool
 //! must stand there. Where the program has left an axis elsewhere since
 //! it gave its place (a retract in the machine frame, a reference point, another work
 //! system), nothing is known that could be gone to: the tool stays at that height if it is
-//! Z, and else the start is refused.
+//! Z, and else the start is refused. Where no line has named Z yet it stays up too, if Z is named
+//! before anything is cut.
 
 use super::{AllowedOverrides, EncodeError, Encoder, EncoderConfig, UserFunction};
 use cnc_msgs::contour::Action;
@@ -53,13 +55,23 @@ pub enum StartProblem {
     MachineFunction { line: u32, word: String, at: u32 },
     #[error("line {line} comes after {word}, which stores where the tool is: begin before it")]
     StoredPosition { line: u32, word: String },
+    #[error(
+        "line {line}: the tool would come down to Z{z_mm:.3} at rapid, since no move of X, Y or Z alone has a feed; \
+         begin at line 1, or write F and G1 into the line that goes down to Z{z_mm:.3}"
+    )]
+    NoFeed { line: u32, z_mm: f64 },
     #[error(transparent)]
     Encode(Box<EncodeError>),
 }
 
+/// Whether a run is one of the whole program, and no start in the middle: lines 0 and 1, unless a later
+/// time is asked for.
+pub(crate) fn is_whole((line, occurrence): (u32, u32)) -> bool {
+    line <= 1 && occurrence <= 1
+}
+
 /// An encoder that begins with the first element of `line` or after it, the time `occurrence` that it
-/// is run (0: the only one), and the index of that element. Lines 0 and 1 are the whole program, unless a
-/// later time is asked for.
+/// is run (0: the only one), and the index of that element.
 /// `in_span` is what the control of the program says of a start under compensation.
 pub fn start_at(
     path: Arc<CompensatedPath>,
@@ -68,7 +80,7 @@ pub fn start_at(
     in_span: StartInSpan,
 ) -> Result<(Encoder, usize), StartProblem> {
     let mut encoder = Encoder::new(path.clone(), config);
-    if line <= 1 && occurrence <= 1 {
+    if is_whole((line, occurrence)) {
         return Ok((encoder, 0));
     }
     let entry = path.entry(line, occurrence)?;
@@ -87,9 +99,11 @@ pub fn start_at(
     encoder.next_event = entry.event;
     let restored = restored(&path, encoder.next_event, (line, index))?;
     let source_place = path.elements[index].source;
-    // Before the first motion the tool is wherever the path expects it, as for the whole.
-    let place = match index {
-        0 => KnownPlace::default(),
+    let comes_down = !is_in_span || in_span == StartInSpan::FromAbove;
+    let height = config.approach_z_mm.filter(|_| comes_down);
+    // Without a lift, before the first motion, the tool is wherever the path expects it, as for the whole.
+    let place = match (index, height) {
+        (0, None) => KnownPlace::default(),
         _ => KnownPlace::before(&path, index, encoder.next_event),
     };
     if is_in_span && !place.unknown.is_empty() {
@@ -98,14 +112,13 @@ pub fn start_at(
         return Err(place.refuse(line, axes));
     }
     let further = encoder.further_place();
-    let comes_down = !is_in_span || in_span == StartInSpan::FromAbove;
-    let pushed = match config.approach_z_mm.filter(|_| index > 0 && comes_down) {
+    let pushed = match height {
         Some(height) => {
             // At the safe height the axes may come from anywhere to where the line takes them.
             let in_plane = place.unknown.without(Z);
             let given = path.elements[index].axes.without(path.relative_axes(index));
             let is_taken = place.unknown.contains(2) && in_plane.without(given).is_empty();
-            if place.untouched.contains(2) {
+            if place.untouched.contains(2) && !names_z_first(&path, index) {
                 return Err(place.refuse(line, Z));
             }
             if !in_plane.is_empty() && !is_taken {
@@ -119,6 +132,9 @@ pub fn start_at(
             let turned = if place.unknown.contains(2) { turned } else { FurtherAxes::NONE };
             refuse_lost(&further, turned, line)?;
             let given = AxisSet::ALL.without(place.unknown).without(place.untouched);
+            if given.contains(2) && encoder.plunge_feed(index).is_none() {
+                return Err(StartProblem::NoFeed { line, z_mm: path.start_of(index)[2] });
+            }
             encoder.push_approach(height, &restored, index, (given, further.at))
         }
         None if !place.unknown.is_empty() => {
@@ -127,7 +143,10 @@ pub fn start_at(
         }
         None => {
             refuse_lost(&further, FurtherAxes::NONE, line)?;
-            encoder.start_axes = AxisSet::ALL.without(place.untouched);
+            encoder.start_axes = match index {
+                0 => path.assumed_axes,
+                _ => AxisSet::ALL.without(place.untouched),
+            };
             encoder.push_restored(&restored, further.at)
         }
     };
@@ -164,6 +183,20 @@ impl Encoder {
         let place = KnownPlace::before(&self.path, self.next_element, self.next_event);
         !counted(&self.path.unknown_from(self.next_element, place.unknown)).is_empty()
     }
+}
+
+/// Whether the path gives Z from this element on before it moves anything at feed.
+fn names_z_first(path: &CompensatedPath, index: usize) -> bool {
+    for number in index..path.elements.len() {
+        let element = &path.elements[number];
+        if element.axes.without(path.relative_axes(number)).contains(2) {
+            return true;
+        }
+        if element.feed_mm_per_min.is_some() {
+            return false;
+        }
+    }
+    true
 }
 
 /// The axes whose place counts, although the path does not say it.

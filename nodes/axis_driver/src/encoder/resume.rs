@@ -101,7 +101,7 @@ impl Encoder {
         let off = |axis: usize| (stood[axis] - at[axis]).abs() > STEP_MM;
         let z = AxisSet::NONE.with(2);
         let across = (0..2).filter(|axis| off(*axis)).fold(AxisSet::NONE, AxisSet::with);
-        let feed = self.feed_from(self.next_element);
+        let feed = self.plunge_feed(self.next_element);
         if off(2) && stood[2] > at[2] {
             self.encode_machine_move(stood, z, None, source)?;
         }

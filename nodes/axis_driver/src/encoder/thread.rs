@@ -5,7 +5,7 @@ use crate::firmware::{THREAD_WAIT_S_MAX, thread_wait_s};
 use crate::link::LineKind;
 use crate::vectors::{minus, norm};
 use cnc_msgs::contour::{Action, Source};
-use cnc_msgs::path::{PathElement, Role};
+use cnc_msgs::path::Role;
 
 /// Decimals of a pitch, mm: the error of each turn adds up along a thread.
 const PITCH_DECIMALS: usize = 6;
@@ -54,24 +54,6 @@ impl Encoder {
         let (role, events) = (Role::None, self.next_event);
         let text = "G4P0".into();
         self.push(EncodedLine { text, kind, is_alone: true, element: None, source, role, events })
-    }
-
-    /// The feed of the first element from here on that has one of its own. That of a thread follows from
-    /// its spindle.
-    pub(crate) fn feed_from(&self, index: usize) -> Option<f64> {
-        let path = &self.path;
-        let first = path.events.partition_point(|event| event.at_element < index);
-        let threads = path.events[first..].iter();
-        let mut threads = threads
-            .filter(|event| matches!(event.action, Action::SpindleSync { .. }))
-            .map(|event| event.at_element)
-            .peekable();
-        let elements = path.elements.iter().enumerate().skip(index);
-        let own = |(number, element): (usize, &PathElement)| {
-            let is_thread = threads.next_if_eq(&number).is_some();
-            element.feed_mm_per_min.filter(|_| !is_thread)
-        };
-        elements.into_iter().find_map(own)
     }
 }
 

@@ -12,6 +12,9 @@ use std::time::Duration;
 const REOPEN: Reopen =
     Reopen::Backoff { first: Duration::from_millis(500), most: Duration::from_secs(5) };
 
+/// `approach_z_mm` that nobody has given: no machine is as deep.
+const NO_HEIGHT_MM: f64 = -100_000.0;
+
 /// What is settled when the port is opened, or the node is made.
 const AT_START: [&str; 7] =
     ["port", "baud", "dtr", "rts", "receive_buffer_bytes", "frame_prefix", "keep_out"];
@@ -187,10 +190,11 @@ pub(crate) fn declared() -> Vec<Declared> {
         .one_of(&["none", "lift"]),
         Declared::new(
             "approach_z_mm",
-            0.0,
-            "height in the machine frame at which the tool is clear of everything, mm",
+            NO_HEIGHT_MM,
+            "height in the machine frame at which the tool is clear of everything, mm; -100000: not \
+             given, and approach: lift is refused",
         )
-        .within(-100_000.0, 100_000.0),
+        .within(NO_HEIGHT_MM, 100_000.0),
         Declared::new("optional_stop", encoder.optional_stop, "whether M1 stops as M0 does"),
         Declared::new(
             "frame_prefix",
@@ -216,6 +220,22 @@ pub(crate) fn keep_out(
     }
 }
 
+/// Whether parameters fit each other: on some machines any height that is assumed is inside of the part.
+///
+/// # Errors
+/// The tool is to be lifted, and no height is given.
+pub(crate) fn check_approach(get: impl Fn(&str) -> ParameterValue) -> Result<(), String> {
+    let lifts = get("approach") == ParameterValue::String("lift".into());
+    match get("approach_z_mm") {
+        ParameterValue::Double(height) if lifts && height <= NO_HEIGHT_MM => Err(
+            "approach is lift, and approach_z_mm is not given: set approach_z_mm to a height in the machine \
+             frame at which the tool is clear of everything, with or before approach"
+                .into(),
+        ),
+        _ => Ok(()),
+    }
+}
+
 /// The serial shell's configuration, from the node's parameters.
 pub(crate) fn serial_config(get: impl Fn(&str) -> ParameterValue) -> SerialConfig {
     let level = |name| match get(name) {
@@ -232,5 +252,32 @@ pub(crate) fn serial_config(get: impl Fn(&str) -> ParameterValue) -> SerialConfi
         rts: level("rts"),
         reopen: REOPEN,
         driver: DriverConfig::from_parameters(&get),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tool_is_lifted_only_to_a_height_that_was_given() {
+        for (approach, height, is_taken) in [
+            ("none", None, true),
+            ("lift", None, false),
+            ("lift", Some(0.0), true),
+            ("lift", Some(-2.0), true),
+            ("none", Some(-2.0), true),
+        ] {
+            let get = |name: &str| match (name, height) {
+                ("approach", _) => ParameterValue::String(approach.into()),
+                ("approach_z_mm", Some(height)) => ParameterValue::Double(height),
+                _ => {
+                    let rows = declared();
+                    let row = rows.iter().find(|row| row.name == name).expect("it is declared");
+                    row.default.clone()
+                }
+            };
+            assert_eq!(check_approach(get).is_ok(), is_taken, "{approach} {height:?}");
+        }
     }
 }

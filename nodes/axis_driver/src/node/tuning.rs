@@ -2,6 +2,7 @@
 //!
 //! Only between works: a run keeps the parameters that it was begun with.
 
+use super::parameters::check_approach;
 use super::{REPLY_WITHIN, RemoteDriver};
 use crate::codes::error_code;
 use crate::driver::{Command, DriverConfig};
@@ -17,7 +18,7 @@ const AGAIN_AFTER: Duration = Duration::from_millis(200);
 /// Refuses changes while something moves, and hands all others to the core.
 /// `is_tuned`: the core may have others than those of the start.
 pub(super) fn follow(node: &Handle, driver: &Arc<RemoteDriver>, is_tuned: bool) {
-    let shared = Arc::clone(driver);
+    let (shared, handle) = (Arc::clone(driver), node.clone());
     node.guard_parameters(move |changes| match shared.state.borrow().mode {
         Mode::Run
         | Mode::Hold
@@ -30,7 +31,10 @@ pub(super) fn follow(node: &Handle, driver: &Arc<RemoteDriver>, is_tuned: bool) 
         {
             Err("the machine is at work: set it when the machine is idle".to_owned())
         }
-        _ => Ok(()),
+        _ => check_approach(|name| {
+            let changed = changes.iter().find(|(changed, _)| changed == name);
+            changed.map_or_else(|| handle.parameter(name), |(_, value)| value.clone())
+        }),
     });
     let (handle, driver, mut changes) =
         (node.clone(), Arc::clone(driver), node.parameter_changes());

@@ -38,13 +38,14 @@ impl LiveParameters {
 
     /// Sets all or none; an error has the reason.
     pub(crate) fn set(&self, changes: &[(String, ParameterValue)]) -> Result<(), String> {
-        let mut parameters = lock(&self.parameters);
-        parameters.check(changes).map_err(|error| error.to_string())?;
-        if let Some(guard) = &*lock(&self.guard) {
+        // Locked to the end, so that nothing else is set between check and change. The parameters are not:
+        // the guard reads them.
+        let guard = lock(&self.guard);
+        lock(&self.parameters).check(changes).map_err(|error| error.to_string())?;
+        if let Some(guard) = &*guard {
             guard(changes)?;
         }
-        parameters.set(changes).map_err(|error| error.to_string())?;
-        drop(parameters);
+        lock(&self.parameters).set(changes).map_err(|error| error.to_string())?;
         self.changes.send_modify(|count| *count = count.wrapping_add(1));
         Ok(())
     }

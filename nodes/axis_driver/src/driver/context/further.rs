@@ -191,6 +191,21 @@ impl Machine {
         self.comparable(self.further.work)
     }
 
+    /// Those of these axes that homing leaves out, and where they say they are, work frame. What they
+    /// have lost in an alarm stays lost.
+    pub(in crate::driver) fn not_homed(&self, moved: u8) -> FurtherAxes {
+        let order = self.further.axes();
+        let is_homed = |axis: usize| {
+            let bit = order.iter().position(|it| *it == Some(axis)).map(|index| index + 3);
+            let mask = |pass: &String| pass.parse::<f64>().unwrap_or(0.0) as u32;
+            // Only grblHAL says which axes home; the others home X, Y and Z.
+            let mut passes = (44..=49).filter_map(|setting| self.reported.get(&setting)).map(mask);
+            bit.is_some_and(|bit| passes.any(|mask| mask >> bit & 1 == 1))
+        };
+        let is_left = |axis: usize| moved >> axis & 1 == 1 && !is_homed(axis);
+        self.further_work().iter().filter(|(axis, _)| is_left(*axis)).collect()
+    }
+
     /// In inches builds of grblHAL print angles like lengths, and others as degrees.
     fn comparable(&self, axes: FurtherAxes) -> FurtherAxes {
         let is_printed = |axis: usize| !self.reports_in_inches() || !FurtherAxes::is_rotary(axis);

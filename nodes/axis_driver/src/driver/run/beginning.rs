@@ -3,6 +3,7 @@
 use crate::approach::ApproachText;
 use crate::encoder::{EncodedLine, Encoder, EncoderStep};
 use cnc_msgs::contour::{Action, work_system};
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::path::{CompensatedPath, PathEvent, StartInSpan, in_force};
 
 /// Lines before the first element that a check shows.
@@ -15,18 +16,25 @@ const CUT_SHOWN: usize = 3;
 pub(in crate::driver) enum Descent {
     /// It is lifted, goes over the place and comes down.
     FromAbove,
-    /// Nothing is known of heights, or nothing is to be approached.
+    /// No height is given, or the machine is not homed.
     NotLifted,
+    /// The same, and the first move goes from wherever the tool stands.
+    FromHere,
     /// Coming down would cut: Z is in the plane of compensation.
     Cuts,
 }
 
 impl Descent {
-    pub(in crate::driver) fn of(is_lifted: bool, is_in_span: bool, in_span: StartInSpan) -> Self {
+    /// Where the tool is not lifted; `is_bound`: the path says where axes have to stand.
+    pub(in crate::driver) fn unlifted(
+        is_in_span: bool,
+        in_span: StartInSpan,
+        is_bound: bool,
+    ) -> Self {
         match () {
             () if is_in_span && in_span != StartInSpan::FromAbove => Self::Cuts,
-            () if is_lifted => Self::FromAbove,
-            () => Self::NotLifted,
+            () if is_bound => Self::NotLifted,
+            () => Self::FromHere,
         }
     }
 
@@ -37,6 +45,10 @@ impl Descent {
             Self::NotLifted => Some(
                 "the tool has to stand there: it comes from above only on a homed machine, with the \
                  parameter approach: lift",
+            ),
+            Self::FromHere => Some(
+                "the first move goes from where the tool stands: lift the tool first; it is lifted by itself \
+                 only on a homed machine, with the parameter approach: lift",
             ),
             Self::Cuts => Some(
                 "the tool has to stand there: Z is in the plane of compensation, so coming down would \
@@ -71,6 +83,18 @@ pub(in crate::driver) fn beginning_of(
     }));
     parts.extend(descent.before().map(str::to_owned));
     parts
+}
+
+/// `A is not homed: be sure that it stands at A389.440`
+pub(in crate::driver) fn not_homed_text(axes: FurtherAxes) -> Option<String> {
+    let (are, they) = match axes.letters().len() {
+        0 => return None,
+        1 => ("is", "it stands"),
+        _ => ("are", "they stand"),
+    };
+    let places = axes.iter().map(|(axis, at)| format!(" {}{at:.3}", FURTHER_LETTERS[axis]));
+    let places: String = places.collect();
+    Some(format!("{} {are} not homed: be sure that {they} at{places}", axes.letters()))
 }
 
 /// `tool T1, to be confirmed (M6)`, `offsets G55 G43 H3`, `spindle S1000 M3`, `coolant M8`.
@@ -150,23 +174,38 @@ mod tests {
     use std::sync::Arc;
 
     #[test]
-    fn the_tool_comes_down_only_where_that_cuts_nothing() {
+    fn where_the_tool_is_not_lifted_the_start_says_what_to_do() {
         use StartInSpan::{FromAbove, Refused, Standing};
-        for (is_lifted, is_in_span, in_span, expected) in [
-            (true, false, Refused, Descent::FromAbove),
-            (true, true, FromAbove, Descent::FromAbove),
-            (true, true, Standing, Descent::Cuts),
+        for (is_in_span, in_span, is_bound, expected) in [
+            (false, Refused, true, Descent::NotLifted),
+            (true, FromAbove, true, Descent::NotLifted),
+            (true, Standing, true, Descent::Cuts),
             // The control's answer is about another place than the path's.
-            (true, false, Standing, Descent::FromAbove),
-            (false, false, Refused, Descent::NotLifted),
-            (false, true, FromAbove, Descent::NotLifted),
-            (false, true, Standing, Descent::Cuts),
+            (false, Standing, true, Descent::NotLifted),
+            // Before the first motion of a program that names its axes.
+            (false, Refused, false, Descent::FromHere),
         ] {
-            let descent = Descent::of(is_lifted, is_in_span, in_span);
-            assert_eq!(descent, expected, "{is_lifted} {is_in_span} {in_span:?}");
-            let stands =
-                descent.before().is_some_and(|it| it.starts_with("the tool has to stand there"));
-            assert_eq!(stands, expected != Descent::FromAbove);
+            let descent = Descent::unlifted(is_in_span, in_span, is_bound);
+            assert_eq!(descent, expected, "{is_in_span} {in_span:?} {is_bound}");
+            let before = descent.before().expect("something has to be done");
+            let stands = before.starts_with("the tool has to stand there");
+            assert_eq!(stands, is_bound);
+        }
+        assert_eq!(Descent::FromAbove.before(), None);
+    }
+
+    #[test]
+    fn axes_that_homing_leaves_out_are_said_with_their_places() {
+        let a = FurtherAxes::NONE.with(0, 389.44);
+        for (axes, text) in [
+            (FurtherAxes::NONE, None),
+            (a, Some("A is not homed: be sure that it stands at A389.440")),
+            (
+                a.with(1, -5.0),
+                Some("AB are not homed: be sure that they stand at A389.440 B-5.000"),
+            ),
+        ] {
+            assert_eq!(not_homed_text(axes).as_deref(), text);
         }
     }
 

@@ -97,8 +97,12 @@ impl Context {
             // The others have no M6: the driver waits for the tool.
             controller_changes_tools: config.encoder.controller_changes_tools
                 && machine.firmware.traits().has_tool_change,
-            // A height means nothing before the axes are home.
-            approach_z_mm: config.encoder.approach_z_mm.filter(|_| machine.is_homed),
+            // A height means nothing before the axes are home; nothing is lifted downwards.
+            approach_z_mm: config
+                .encoder
+                .approach_z_mm
+                .filter(|_| machine.is_homed)
+                .map(|height| machine.machine_position().map_or(height, |at| height.max(at[2]))),
             ..config.encoder
         }
     }
@@ -143,7 +147,7 @@ impl Machine {
             height_in_machine: height_mm,
             further,
             to: std::array::from_fn(|axis| axes.contains(axis).then_some(start[axis])),
-            feed_mm_per_min: encoder.feed_from(element),
+            feed_mm_per_min: encoder.plunge_feed(element),
         }
     }
 
