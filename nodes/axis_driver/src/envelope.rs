@@ -15,7 +15,7 @@ use crate::encoder::Encoder;
 use crate::machine_limits::{MachineLimits, StoredOffsets};
 use crate::machine_path::{Known, MachineMove, MachinePath, Step};
 use cnc_msgs::calls::Calls;
-use cnc_msgs::finding::Finding;
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::keep_out::KeepOut;
@@ -253,9 +253,21 @@ impl Envelope {
         let Some(approach) = self.beginning.approach.take() else { return };
         let Some(first) = path.elements.get(self.beginning.element) else { return };
         let Approach { height_mm, axes, further } = approach;
-        self.travel.see_further(&self.walk.rapid_to(further, first.source));
+        // Judged apart: no line of the program is to blame for it.
+        let (mut travel, mut keep_out) = (self.travel.clone(), self.keep_out.clone());
+        travel.see_further(&self.walk.rapid_to(further, first.source));
         let way = self.walk.way_from_above(self.start, height_mm, axes, first.source);
-        way.iter().filter(|it| !it.axes.is_empty()).for_each(|it| self.see(it));
+        for it in way.iter().filter(|it| !it.axes.is_empty()) {
+            self.has_moved = true;
+            travel.see(it);
+            keep_out.see(it);
+        }
+        let mut report = EnvelopeReport::default();
+        travel.report(&mut report);
+        keep_out.report(&mut report);
+        report.findings.iter_mut().for_each(blame_approach);
+        self.before_homing.findings.extend(report.findings);
+        self.before_homing.not_judged.extend(report.not_judged);
         let [_, _, down] = way;
         if let [Some(x), Some(y), Some(z)] = down.to {
             self.walk.assume([x, y, z]);
@@ -294,6 +306,18 @@ impl Envelope {
         report.findings.sort_by_key(|finding| (!finding.is_error(), finding.source.line));
         report
     }
+}
+
+/// Says that it is on the way to where the run begins, and what to do about that.
+fn blame_approach(finding: &mut Finding) {
+    finding.message = format!("on the approach to it, {}", finding.message);
+    finding.help = match finding.code {
+        Code::KeepOut => {
+            "raise approach_z_mm, or jog the tool to a place from which the way is free"
+        }
+        _ => "give an approach_z_mm within the travel, or correct the work offset",
+    }
+    .into();
 }
 
 /// `line 12 (N70)`

@@ -274,7 +274,18 @@ fn the_way_to_a_beginning_in_the_middle_is_judged() {
     check(&approached(&none, from(5.0)), &[(Code::Travel, 5, out)]);
     check(&approached(&between, from(-5.0)), &[]);
     check(&approached(&between, from(-25.0)), &[(Code::KeepOut, 5, "left clamp")]);
-    check(&approached(&below, from(-5.0)), &[(Code::KeepOut, 5, "left clamp")]);
+    // The way down, and then the line itself.
+    let both = [(Code::KeepOut, 5, "on the approach to it, "), (Code::KeepOut, 5, "the axis of")];
+    check(&approached(&below, from(-5.0)), &both);
+    // The line of the program is not to blame.
+    for (report, help) in [
+        (approached(&below, from(-5.0)), "raise approach_z_mm"),
+        (approached(&none, from(5.0)), "approach_z_mm within the travel"),
+    ] {
+        let finding = &report.findings[0];
+        assert!(finding.message.starts_with("on the approach to it, "), "{finding:?}");
+        assert!(finding.help.contains(help), "{finding:?}");
+    }
     // After G53 the path does not say Z: the tool stays at the height.
     let over = Approach { axes: axes.without(AxisSet::NONE.with(2)), ..from(-5.0) };
     check(&judged(&with_g53, &none, 1, Some(over)), &[]);
