@@ -6,6 +6,10 @@ use crate::driver::ControllerSettings;
 use crate::firmware::{Firmware, TravelRule};
 use std::collections::BTreeMap;
 
+/// The least rate, acceleration and resolution: controllers print three decimals. Of much less no time can
+/// be computed.
+const SETTING_MIN: f64 = 0.001;
+
 fn what(firmware: Firmware, number: u16) -> String {
     match setting_name(firmware, number) {
         Some((name, "")) => name.to_owned(),
@@ -37,11 +41,11 @@ impl<'a> Table<'a> {
         let Some(text) = self.values.get(&number) else { return Ok(None) };
         let words = match range {
             Range::ZeroOrMore => "of at least 0",
-            Range::More => "above 0",
+            Range::More => "of at least 0.001",
         };
         let fits = |value: &f64| match range {
             Range::ZeroOrMore => value.is_finite() && *value >= 0.0,
-            Range::More => value.is_finite() && *value > 0.0,
+            Range::More => value.is_finite() && *value >= SETTING_MIN,
         };
         match text.parse().ok().filter(fits) {
             Some(value) => Ok(Some(value)),

@@ -111,10 +111,13 @@ fn settings_that_no_machine_has_are_refused_with_their_number() {
             &[(130, -600.0)][..],
             "$130 (X-axis maximum travel, mm) is -600; it must be a number of at least 0",
         ),
-        (&[(112, 0.0)], "$112 (Z-axis maximum rate, mm/min) is 0; it must be a number above 0"),
+        (
+            &[(112, 0.0)],
+            "$112 (Z-axis maximum rate, mm/min) is 0; it must be a number of at least 0.001",
+        ),
         (
             &[(120, f64::NAN)],
-            "$120 (X-axis acceleration, mm/s²) is NaN; it must be a number above 0",
+            "$120 (X-axis acceleration, mm/s²) is NaN; it must be a number of at least 0.001",
         ),
     ] {
         let problem = of(&settings(Firmware::Grbl, "V", changes));
