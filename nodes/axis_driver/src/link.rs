@@ -190,6 +190,11 @@ impl<T> Link<T> {
         self.in_flight.front().map(|sent| sent.kind)
     }
 
+    /// What has come of a line that has not ended yet.
+    pub(crate) fn unfinished(&self) -> &[u8] {
+        self.framer.unfinished()
+    }
+
     /// Whether the controller has reported the size of its receive buffer: what it reports of it
     /// can be compared then.
     pub fn knows_its_size(&self) -> bool {

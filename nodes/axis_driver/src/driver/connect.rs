@@ -229,6 +229,14 @@ impl Connecting {
                     "baud rate and port"
                 }
             ),
+            (ConnectStep::Listening, 0) if !context.link.unfinished().is_empty() => {
+                let heard = String::from_utf8_lossy(context.link.unfinished());
+                let heard: String = heard.chars().take(SAMPLE_CHARS).collect();
+                format!(
+                    "what answers is no controller: {heard:?} came within {waited} s and no line; a port or cable \
+                     that sends back what it is sent does so (echo, loopback); check the port"
+                )
+            }
             (ConnectStep::Listening, 0) if context.config.is_networked => format!(
                 "the connection is open and nothing answered within {waited} s; check the port number (a \
                  web server or TLS is silent too) and that no other client has the controller"

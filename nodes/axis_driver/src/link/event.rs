@@ -63,7 +63,9 @@ pub enum LinkFault {
     ReadOtherwise { sent: String, read: String },
     #[error("a damaged line was received: {text:?}")]
     Damaged { text: String },
-    #[error("the controller holds {held} bytes, {sent} were counted: an answer came twice")]
+    #[error(
+        "the controller holds {held} bytes, {sent} were counted: an answer came twice, or another sender wrote a line"
+    )]
     Overfilled { held: usize, sent: usize },
     #[error("the controller holds {held} bytes, at least {sent} were counted: an answer was lost")]
     Underfilled { held: usize, sent: usize },

@@ -8,7 +8,8 @@ pub(super) const GREETING_BYTES: usize = 5;
 /// `first` are the first bytes that came, at most [`GREETING_BYTES`].
 pub(super) fn foreign(first: &[u8]) -> Option<&'static str> {
     match first {
-        [b'H', b'T', b'T', b'P', b'/', ..] => Some(
+        // Some answer with a page and no head what they cannot read.
+        [b'H', b'T', b'T', b'P', b'/', ..] | b"<!DOC" | b"<html" | b"<HTML" => Some(
             "a web server answers there, not a controller; check the port number, or write ws://",
         ),
         // Records of handshakes and of alerts; no controller begins with such a byte.
@@ -26,8 +27,10 @@ mod tests {
 
     #[test]
     fn web_servers_tls_and_ssh_are_recognised_and_controllers_are_not() {
-        let rows: [(&[u8], Option<&str>); 10] = [
+        let rows: [(&[u8], Option<&str>); 12] = [
             (b"HTTP/", Some("ws://")),
+            (b"<!DOC", Some("web server")),
+            (b"<html", Some("web server")),
             (b"\x15\x03\x03\x00\x02", Some("TLS")),
             (b"\x16\x03\x01\x02\x00", Some("TLS")),
             (b"SSH-2", Some("SSH")),

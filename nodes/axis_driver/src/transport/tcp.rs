@@ -59,8 +59,8 @@ fn negotiate(mut stream: &TcpStream, settings: PortSettings) -> Result<Telnet, S
         let none = || {
             let s = PATIENCE.as_secs();
             format!(
-                "no answer to the option COM-PORT of RFC 2217 within {s} s; write tcp:// for a port that \
-                 passes bytes on as they are"
+                "no answer to the option COM-PORT of RFC 2217 within {s} s; check the port number, or write \
+                 tcp:// for a port that passes bytes on as they are, ws:// for a WebSocket"
             )
         };
         if left.is_zero() {

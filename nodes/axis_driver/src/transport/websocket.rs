@@ -136,6 +136,11 @@ fn refusal(error: HandshakeError<ClientHandshake<TcpStream>>) -> Refusal {
             "the web server there answered {} and no WebSocket; check port number and path",
             answer.status()
         ),
+        Error::Protocol(ProtocolError::WrongHttpVersion) => {
+            "the web server there speaks HTTP/1.0, which has no WebSocket: it is not the controller's; check the \
+             port number"
+                .into()
+        }
         Error::Protocol(ProtocolError::HttparseError(error)) => format!(
             "what answers there is no WebSocket ({error}): it may speak TLS, or be a Telnet port, which is \
              written tcp://"
@@ -232,6 +237,17 @@ impl Drop for Ws {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_web_server_without_websockets_is_named() {
+        let old = Error::Protocol(ProtocolError::WrongHttpVersion);
+        match refusal(HandshakeError::Failure(old)) {
+            Refusal::Other(text) => {
+                assert!(text.contains("web server") && text.contains("port number"))
+            }
+            Refusal::Protocol => panic!("no protocol was named"),
+        }
+    }
 
     #[test]
     fn what_fluidnc_says_to_its_web_interface_is_no_line_of_the_controller() {

@@ -63,6 +63,21 @@ fn a_port_that_says_nothing_is_named_and_unknown() {
 }
 
 #[test]
+fn a_port_that_sends_back_what_it_is_sent_is_named() {
+    let mut bench = Bench::new(DriverConfig::default());
+    bench.firmware.is_dead = true;
+    bench.handle(Input::PortOpened);
+    for _ in 0..12 {
+        bench.firmware.raw(b"?");
+        bench.wait(200);
+    }
+    bench.wait(600);
+    let state = bench.state();
+    assert_eq!(state.mode, Mode::Unknown);
+    assert!(state.reason.starts_with("what answers is no controller: \"??"), "{}", state.reason);
+}
+
+#[test]
 fn a_port_that_answers_garbage_is_named_and_unknown() {
     let mut bench = Bench::new(DriverConfig::default());
     bench.firmware.is_dead = true;
