@@ -8,7 +8,7 @@ use crate::latched::{LATCHED_WITHIN, newest, newest_there};
 use crate::operate::{RunArgs, begin, no_answer, no_result};
 use crate::output_file::OutputFile;
 use crate::page::StartInTheMiddle;
-use axis_driver::codes::error_code::USER_FUNCTION;
+use axis_driver::codes::error_code::{START_LINE, USER_FUNCTION};
 use cnc_msgs::chunk::Collector;
 use cnc_msgs::contour::ProgrammedContour;
 use cnc_msgs::convert::mode_from_wire;
@@ -25,13 +25,16 @@ use cnc_msgs::wire::cnc_msgs::srv::{
 use intake::text::one_line;
 use replay::run_result;
 use runtime::chunks::pull;
-use runtime::{Handle, Qos};
+use runtime::{Client, Handle, Qos};
 use std::error::Error;
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
 /// How long the driver may take to encode the rest of a program.
 const CHECKED_WITHIN: Duration = Duration::from_secs(300);
+
+/// Lines before the one that was asked for that are tried, where the driver does not begin there.
+const LINES_BACK_MAX: u32 = 20;
 
 /// The line and occurrence to go on with, or why there is none. `asked` is the line that was asked
 /// for, or 0, with its occurrence.
@@ -135,13 +138,16 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
     if let Some(last) = last.as_ref().filter(|it| it.program_id == program_id) {
         println!("{}: the last run: {}", one_line(&name), run_result::of_message(last));
     }
-    let ((line, occurrence), planned) = planned_start(node, &program_id, revision, start).await?;
+    let goal_at = |(start_line, occurrence)| {
+        let program_id = program_id.clone();
+        RunProgramGoal { program_id, start_line, check_only: false, occurrence, revision }
+    };
+    let ((line, occurrence), planned, said) = accepted_start(node, &goal_at, start).await?;
     if (line, occurrence) != start {
         println!("it cannot begin with {}, so it begins before", place(start));
     }
-    let goal =
-        RunProgramGoal { program_id, start_line: line, check_only: false, occurrence, revision };
-    let rows = rows_of(planned, &checked(node, goal.clone()).await?);
+    let goal = goal_at((line, occurrence));
+    let rows = rows_of(planned, &said);
     rows.iter().for_each(|row| println!("  {row}"));
     if let Some(page) = page {
         let path = newest_there(&mut paths, |it| it.revision).await;
@@ -170,26 +176,52 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
     Ok(goal)
 }
 
+/// Where planner and driver begin for this line, and what both say of it. What the program has lost the
+/// place of only the driver knows: where it refuses a line, the nearest one before that it takes counts.
+async fn accepted_start(
+    node: &Handle,
+    goal_at: &impl Fn((u32, u32)) -> RunProgramGoal,
+    start: (u32, u32),
+) -> Result<((u32, u32), String, String), Failure> {
+    let planner = node.client::<PlanStart>("plan_start")?;
+    let (at, planned) = planned_start(&planner, &goal_at(start), start).await?;
+    let refused = match checked(node, goal_at(at)).await {
+        Ok(said) => return Ok((at, planned, said)),
+        Err(refused) => refused,
+    };
+    if refused.error_code == START_LINE {
+        for at in lines_before(at.0).map(|line| (line, 0)) {
+            let answer = plan_start(&planner, &goal_at(at), at).await?;
+            if answer.success
+                && let Ok(said) = checked(node, goal_at(at)).await
+            {
+                println!("{}", refused.message);
+                return Ok((at, one_line(&answer.message).into_owned(), said));
+            }
+        }
+    }
+    Err(refused.into())
+}
+
+/// The lines that are tried instead, the nearest first. Line 1 would be the whole program.
+fn lines_before(line: u32) -> impl Iterator<Item = u32> {
+    (line.saturating_sub(LINES_BACK_MAX).max(2)..line).rev()
+}
+
 /// Where the control begins for this line, and what is in force there.
 async fn planned_start(
-    node: &Handle,
-    program_id: &str,
-    revision: u64,
+    planner: &Client<PlanStart>,
+    goal: &RunProgramGoal,
     (line, occurrence): (u32, u32),
 ) -> Result<((u32, u32), String), Failure> {
-    let planner = node.client::<PlanStart>("plan_start")?;
-    let ask = async |(line, occurrence)| {
-        let program_id = program_id.to_owned();
-        planner.call(PlanStartRequest { program_id, revision, line, occurrence }).await
-    };
-    let answer = ask((line, occurrence)).await?;
+    let answer = plan_start(planner, goal, (line, occurrence)).await?;
     let nearest = (answer.nearest_line, answer.nearest_occurrence);
     let (start, answer) = match answer.error_code {
         PlanStartResponse::START_REFUSED
             if answer.nearest_line > 0 && nearest != (line, occurrence) =>
         {
             println!("{}", one_line(&answer.message));
-            (nearest, ask(nearest).await?)
+            (nearest, plan_start(planner, goal, nearest).await?)
         }
         _ => ((line, occurrence), answer),
     };
@@ -201,13 +233,43 @@ async fn planned_start(
     }
 }
 
+/// What the planner says of a start.
+async fn plan_start(
+    planner: &Client<PlanStart>,
+    goal: &RunProgramGoal,
+    (line, occurrence): (u32, u32),
+) -> Result<PlanStartResponse, Failure> {
+    let (program_id, revision) = (goal.program_id.clone(), goal.revision);
+    Ok(planner.call(PlanStartRequest { program_id, revision, line, occurrence }).await?)
+}
+
 /// What will be done, a row each: what the planner says, and the parts of what the driver says.
 fn rows_of(planned: String, checked: &str) -> Vec<String> {
     std::iter::once(planned).chain(checked.split("; ").map(str::to_owned)).collect()
 }
 
+/// Why the driver does not begin somewhere.
+struct Refused {
+    /// 0: it has not answered.
+    error_code: u16,
+    message: String,
+    failure: Failure,
+}
+
+impl From<Failure> for Refused {
+    fn from(failure: Failure) -> Self {
+        Self { error_code: 0, message: String::new(), failure }
+    }
+}
+
+impl From<Refused> for Failure {
+    fn from(refused: Refused) -> Self {
+        refused.failure
+    }
+}
+
 /// What the driver would send first, and how long the rest takes.
-async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Failure> {
+async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Refused> {
     let goal = RunProgramGoal { check_only: true, ..goal };
     let handle = begin::<RunProgram>(node, "run_program", goal).await?;
     let (_, result) = handle.result(CHECKED_WITHIN).await.map_err(no_result)?;
@@ -215,7 +277,9 @@ async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Failure>
     if result.outcome == RunProgramResult::OUTCOME_SUCCEEDED {
         return Ok(message);
     }
-    Err(Failure::new(Status::NodeRefused, format!("{message} (error {})", result.error_code)))
+    let error_code = result.error_code;
+    let failure = Failure::new(Status::NodeRefused, format!("{message} (error {error_code})"));
+    Err(Refused { error_code, message, failure })
 }
 
 /// Asks on the terminal; without one nobody can answer.
@@ -355,6 +419,20 @@ mod tests {
                 (Err(why), Err(expected)) => assert!(why.contains(expected), "{why}"),
                 (line, expected) => panic!("{line:?} and not {expected:?}"),
             }
+        }
+    }
+
+    #[test]
+    fn the_nearest_lines_before_are_tried_and_never_the_whole_program() {
+        for (line, first, last, count) in [
+            (12, Some(11), Some(2), 10),
+            (2, None, None, 0),
+            (0, None, None, 0),
+            (500, Some(499), Some(480), 20),
+        ] {
+            let lines: Vec<u32> = lines_before(line).collect();
+            let said = (lines.first().copied(), lines.last().copied(), lines.len());
+            assert_eq!(said, (first, last, count), "{line}");
         }
     }
 

@@ -160,7 +160,8 @@ fn describe(state: &MachineState, loaded: Option<&Program>) -> String {
     }
     let report = match state.link_age {
         age if age.is_finite() => format!("last report {age:.1} s ago"),
-        _ => "no report was received".to_owned(),
+        // Never, or none since the link was lost.
+        _ => "no report on this connection".to_owned(),
     };
     let watch = match link_watch_from_wire(state.link_watch) {
         LinkWatch::Unknown => String::new(),
