@@ -2,6 +2,7 @@
 
 mod entry;
 mod further;
+mod known;
 mod runs;
 mod unknown;
 
@@ -11,6 +12,7 @@ use crate::geometry::{AxisSet, Position, Shape};
 
 pub use entry::{Entry, NoEntry, StartInSpan, in_force};
 pub use further::FurtherPlace;
+pub use known::KnownPlace;
 pub use runs::RunOfLine;
 pub use unknown::UnknownAxes;
 

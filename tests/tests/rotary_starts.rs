@@ -118,7 +118,8 @@ fn a_run_goes_on_where_it_was_broken_off_with_each_axis_turned_at_the_safe_heigh
         // The axes before each line, as the program has them.
         for (at_line, before) in [
             (5, [0.0, 0.0, -1.0, 0.0, 10.0]),
-            // Line 6 turns A alone, and counts as the way to line 7.
+            // It turns A alone.
+            (6, [30.0, 0.0, -1.0, 90.0, 10.0]),
             (7, [30.0, 0.0, -1.0, 180.0, 10.0]),
             (8, [30.0, 20.0, -1.0, 180.0, -20.0]),
             (9, [20.0, 20.0, -1.0, 150.0, -20.0]),
@@ -291,4 +292,49 @@ fn a_start_that_leaves_the_retract_of_the_program_out_lifts_the_tool() {
     }
     let result = line.result();
     assert_eq!(result.outcome, RunOutcome::Succeeded, "{result:?}");
+}
+
+#[test]
+fn lines_that_turn_a_alone_are_followed_and_gone_on_with() {
+    let rings = path(RINGS);
+    let mut line = board(Firmware::GrblHal, true);
+    line.ask(request(&rings, 0, false)).expect("the run begins");
+    line.until("the second ring", |line| in_work(line)[3] > 457.0);
+    line.wait(0.3);
+    assert_eq!(line.state().line, 9);
+    let (then, left) = line.time_left.expect("the time that is left");
+    line.until("the way back", |line| line.state().line == 10);
+    let back = in_work(&line)[3];
+    assert!((600.0..721.0).contains(&back), "line 10 begins at A{back}");
+    line.until("the end", |line| line.finished.is_some());
+    let took = (line.now - then).as_secs_f64();
+    assert!((took - left).abs() < 1.0, "{left} s were left, and it took {took} s");
+    assert_eq!(line.result().outcome, RunOutcome::Succeeded);
+    // It goes on with the ring that was broken off.
+    assert_eq!(broken_off(&mut line, &rings, 9), 9);
+    let said = line.ask(request(&rings, 9, true)).expect("it may begin there");
+    for wanted in
+        ["G0A360, G0X20Y10, G1Z-1F300", "the program goes on with A720F3600 (line 9), A0 (line 10)"]
+    {
+        assert!(said.contains(wanted), "{wanted}: {said}");
+    }
+}
+
+#[test]
+fn a_program_of_a_alone_has_lines_and_begins_at_its_start() {
+    let turned = path("G21 G90 G94\nG0 A10\nG1 A90 F360\nG1 A180\nG1 A270\nM2\n");
+    let mut line = board(Firmware::GrblHal, true);
+    line.ask(request(&turned, 0, false)).expect("the run begins");
+    line.until("line 4", |line| in_work(line)[3] > 120.0);
+    line.wait(0.3);
+    assert_eq!(line.state().line, 4);
+    let (_, left) = line.time_left.expect("the time that is left");
+    assert!(left > 15.0, "{left} s are left of 25 s");
+    line.ask(Command::CancelRun { run: None }).expect("it is canceled");
+    assert_eq!(line.result().last_line, 4);
+    let refused = line.ask(request(&turned, 4, true)).expect_err("a refusal");
+    assert_eq!(refused.error_code, error_code::START_LINE, "{refused}");
+    assert!(refused.message.contains("turns A to W alone"), "{refused}");
+    assert!(refused.message.ends_with("begin at the start of the program (kerf run)"), "{refused}");
+    line.ask(request(&turned, 1, true)).expect("the advice helps");
 }

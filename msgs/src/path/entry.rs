@@ -26,8 +26,13 @@ pub struct Entry {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NoEntry {
     /// No element is at or after the line.
-    #[error("the program has no motion from line {line} on; its last is in line {last}")]
+    #[error("the program has no motion from line {line} on{}", last_of(*last))]
     PastEnd { line: u32, last: u32 },
+    /// A to W alone move there, and a run enters a path at an element.
+    #[error(
+        "from line {line} on the program turns A to W alone, and a run cannot begin there; the last line that moves X, Y or Z is {last}"
+    )]
+    TurnsAlone { line: u32, last: u32 },
     #[error("line {line} is run {count} times: {times}")]
     SeveralTimes { line: u32, count: usize, times: String },
     #[error("line {line} is run {}, and the start asks for number {occurrence}", times(*count))]
@@ -45,7 +50,12 @@ impl NoEntry {
     /// What to do about it.
     pub fn help(&self) -> String {
         match self {
-            Self::PastEnd { last, .. } => format!("begin at line {last} or before"),
+            Self::PastEnd { last: 0, .. } | Self::TurnsAlone { last: 0, .. } => {
+                "begin at the start of the program (kerf run)".into()
+            }
+            Self::PastEnd { last, .. } | Self::TurnsAlone { last, .. } => {
+                format!("begin at line {last} or before")
+            }
             Self::SeveralTimes { count, .. } | Self::TooFew { count, .. } => {
                 format!("say which one, from 1 to {count}: --occurrence, or occurrence of the goal")
             }
@@ -53,6 +63,10 @@ impl NoEntry {
             Self::SkippedProbe { probed, .. } => format!("begin at line {probed} or before"),
         }
     }
+}
+
+fn last_of(last: u32) -> String {
+    if last == 0 { String::new() } else { format!("; its last is in line {last}") }
 }
 
 fn times(count: usize) -> String {
@@ -88,7 +102,7 @@ impl CompensatedPath {
         let entry = self.find_entry(line, occurrence);
         let skipped = match &entry {
             Ok(entry) => &self.events[..entry.event],
-            Err(NoEntry::PastEnd { .. }) => &self.events[..],
+            Err(NoEntry::PastEnd { .. } | NoEntry::TurnsAlone { .. }) => &self.events[..],
             Err(_) => &[],
         };
         let is_stretch = |event: &PathEvent| matches!(event.action, Action::Stretch { .. });
@@ -120,8 +134,15 @@ impl CompensatedPath {
     }
 
     fn past_end(&self, line: u32) -> NoEntry {
-        let last = self.elements.iter().map(|element| element.source.line).max();
-        NoEntry::PastEnd { line, last: last.unwrap_or(0) }
+        let last = self.elements.iter().map(|element| element.source.line).max().unwrap_or(0);
+        let turns = self
+            .events
+            .iter()
+            .any(|event| matches!(event.action, Action::Further(_)) && event.source.line >= line);
+        match turns {
+            true => NoEntry::TurnsAlone { line, last },
+            false => NoEntry::PastEnd { line, last },
+        }
     }
 
     fn entry_in_calls(&self, line: u32, occurrence: u32) -> Result<Entry, NoEntry> {

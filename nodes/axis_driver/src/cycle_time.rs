@@ -20,7 +20,7 @@ use cnc_msgs::further::{FurtherAxes, FurtherMode, further_distance};
 use cnc_msgs::geometry::{AxisSet, Position};
 use cnc_msgs::path::CompensatedPath;
 use cnc_msgs::port_word::PortWord;
-use ring::{Block, Ring};
+use ring::{Block, Place, Ring};
 
 pub use ring::Speeds;
 
@@ -104,9 +104,10 @@ impl CycleTime {
         let [up, over, down] =
             way.map(|it| std::array::from_fn(|axis| it.to[axis].unwrap_or(here[axis])));
         self.at_steps = self.steps(here);
-        let mut turn = Block::new(&self.limits, direction([0.0; 3], turn), None, element);
+        let place = (element, 0);
+        let mut turn = Block::new(&self.limits, direction([0.0; 3], turn), None, place);
         for (to, feed) in [(up, None), (over, None), (down, feed_mm_per_min)] {
-            if self.push(to, FurtherAxes::NONE, feed, element) {
+            if self.push(to, FurtherAxes::NONE, feed, place) {
                 self.pause_s = Some(0.0);
             }
             if to == up && self.push_block(turn.take()) {
@@ -140,11 +141,40 @@ impl CycleTime {
         element: usize,
         blocks_max: usize,
     ) -> bool {
-        let to_the_end = element >= path.elements.len();
+        let place = match element >= path.elements.len() {
+            true => (usize::MAX, 0),
+            false => (element, 0),
+        };
+        self.advance_to_place(path, place, blocks_max)
+    }
+
+    /// Seconds of all before the block of an element begins, and of the lines before it that turn A to W
+    /// alone.
+    pub(crate) fn advance_to_cut(&mut self, path: &CompensatedPath, element: usize) -> f64 {
+        self.advance_to_place(path, (element, usize::MAX), usize::MAX);
+        self.seconds
+    }
+
+    /// Seconds of all before an event, which turns A to W alone before an element.
+    pub(crate) fn advance_to_turn(
+        &mut self,
+        path: &CompensatedPath,
+        (element, event): (usize, usize),
+    ) -> f64 {
+        self.advance_to_place(path, (element, event), usize::MAX);
+        self.seconds
+    }
+
+    fn advance_to_place(
+        &mut self,
+        path: &CompensatedPath,
+        place: Place,
+        blocks_max: usize,
+    ) -> bool {
         for _ in 0..blocks_max {
             while !self.ring.is_full() && self.push_next(path) {}
-            match self.ring.front_element() {
-                Some(front) if front < element || to_the_end => self.seconds += self.ring.pop(),
+            match self.ring.front_place() {
+                Some(front) if front < place => self.seconds += self.ring.pop(),
                 Some(_) => return true,
                 None => {
                     // Pauses at the end.
@@ -166,7 +196,7 @@ impl CycleTime {
                     self.arc = None;
                     continue;
                 };
-                if self.push(next, FurtherAxes::NONE, feed, element) {
+                if self.push(next, FurtherAxes::NONE, feed, (element, usize::MAX)) {
                     return true;
                 }
                 continue;
@@ -179,7 +209,8 @@ impl CycleTime {
                     let way: FurtherAxes = it.to.iter().filter_map(way).collect();
                     let FurtherStep { mode: FurtherMode::Along, .. } = it else {
                         let element = self.walk.next_element().max(self.first_element);
-                        if self.push_further(&it, way, element) {
+                        let event = self.walk.next_event() - 1;
+                        if self.push_further(&it, way, (element, event)) {
                             return true;
                         }
                         continue;
@@ -197,8 +228,12 @@ impl CycleTime {
                             let chords = Chords::new(from, to, &arc, self.limits.arc_tolerance_mm);
                             self.arc = Some((chords, it.feed_mm_per_min));
                         }
-                        None if self.push(to, along, it.feed_mm_per_min, element) => return true,
-                        None => {}
+                        None => {
+                            let place = (element, usize::MAX);
+                            if self.push(to, along, it.feed_mm_per_min, place) {
+                                return true;
+                            }
+                        }
                     }
                 }
             }
@@ -211,7 +246,7 @@ impl CycleTime {
         to: Position,
         along: FurtherAxes,
         feed_mm_per_min: Option<f64>,
-        element: usize,
+        place: Place,
     ) -> bool {
         let end = self.steps(to);
         let start = std::mem::replace(&mut self.at_steps, end);
@@ -224,17 +259,17 @@ impl CycleTime {
             // As long as X, Y and Z take.
             false => feed_mm_per_min.map(|feed| feed * norm(all) / norm(way)),
         };
-        self.push_block(Block::new(&self.limits, all, feed, element))
+        self.push_block(Block::new(&self.limits, all, feed, place))
     }
 
     /// A move of A to W alone.
-    fn push_further(&mut self, it: &FurtherStep, way: FurtherAxes, element: usize) -> bool {
+    fn push_further(&mut self, it: &FurtherStep, way: FurtherAxes, place: Place) -> bool {
         let all = direction([0.0; 3], way);
         let feed = match it.mode {
             FurtherMode::Feed(rate) => Some(rate * norm(all) / further_distance(it.from, it.to)),
             FurtherMode::Rapid | FurtherMode::Along => None,
         };
-        self.push_block(Block::new(&self.limits, all, feed, element))
+        self.push_block(Block::new(&self.limits, all, feed, place))
     }
 
     fn push_block(&mut self, block: Option<Block>) -> bool {
@@ -302,6 +337,16 @@ impl CycleTime {
             _ => return,
         };
         self.pause_s = Some(self.pause_s.unwrap_or(0.0) + seconds);
+    }
+}
+
+/// `42.3 s`, `12 min 34 s`, `2 h 03 min`.
+pub fn duration(seconds: f64) -> String {
+    let whole = seconds.round().max(0.0) as u64;
+    match whole {
+        0..60 => format!("{seconds:.1} s"),
+        60..3_600 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3_600, whole % 3_600 / 60),
     }
 }
 

@@ -37,4 +37,5 @@ pub mod tool_check;
 pub mod tracker;
 #[cfg(feature = "node")]
 mod transport;
+pub mod turns;
 pub mod vectors;

@@ -2,6 +2,7 @@
 
 use crate::exit::Failure;
 use axis_driver::cycle_time::CycleTime;
+pub(crate) use axis_driver::cycle_time::duration;
 use axis_driver::driver::ControllerSettings;
 use axis_driver::envelope::{Beginning, Envelope, EnvelopeReport, Workplace};
 use axis_driver::machine_limits::{MachineLimits, settings_of_file};
@@ -99,16 +100,6 @@ pub(crate) fn text(on_machine: &OnMachine, fits: bool) -> String {
         text += &format!("\n  not judged: {what}");
     }
     text
-}
-
-/// `42.3 s`, `12 min 34 s`, `2 h 03 min`.
-pub(crate) fn duration(seconds: f64) -> String {
-    let whole = seconds.round().max(0.0) as u64;
-    match whole {
-        0..60 => format!("{seconds:.1} s"),
-        60..3_600 => format!("{} min {:02} s", whole / 60, whole % 60),
-        _ => format!("{} h {:02} min", whole / 3_600, whole % 3_600 / 60),
-    }
 }
 
 #[cfg(test)]

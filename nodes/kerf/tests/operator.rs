@@ -340,14 +340,16 @@ fn a_run_of_four_axes_that_was_broken_off_goes_on_with_the_part_turned() {
         "spindle off\n",
         "coolant off\n",
         "Z40.000, up to Z48.000 (Z-2.000 in the machine frame), there to A90.000, over X20.000 Y0.000, down to Z-1.000 \
-         at F300\n",
-        "first come G53G0Z-2, G0A90, G0X20Y0, G1Z-1F300\n",
-        "the first cut are X220A180G93F1.5 (line 6), Y10G94F300 (line 7), G0Z5 (line 8)\n",
+         at F1000\n",
+        "first come G53G0Z-2, G0A90, G0X20Y0, G1Z-1F1000\n",
+        "A is not homed: be sure that it stands at A-45.000\n",
+        "the program goes on with X220A180G93F1.5 (line 6), Y10G94F300 (line 7), G0Z5 (line 8)\n",
         "done",
     ]);
     let page = machine.folder.path().join("start.html");
     let page = std::fs::read_to_string(page).expect("a page");
-    for shown in ["\"approach\"", "the tool is here", "down to Z-1.000 at F300", "\"letter\":\"A\""]
+    for shown in
+        ["\"approach\"", "the tool is here", "down to Z-1.000 at F1000", "\"letter\":\"A\""]
     {
         assert!(page.contains(shown), "{shown}");
     }

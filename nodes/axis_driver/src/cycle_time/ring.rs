@@ -25,6 +25,10 @@ impl Default for Speeds {
     }
 }
 
+/// A place in a path: an element, and the event of a line that turns A to W alone before it; `usize::MAX`
+/// is the element itself.
+pub(super) type Place = (usize, usize);
+
 /// A straight block, s and mm; degrees count like mm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block {
@@ -35,7 +39,7 @@ pub(super) struct Block {
     rate: f64,
     /// `None`: rapid.
     feed: Option<f64>,
-    element: usize,
+    place: Place,
     /// Before it starts.
     pause_s: f64,
     junction: f64,
@@ -48,7 +52,7 @@ impl Block {
         limits: &MachineLimits,
         way: Direction,
         feed_mm_per_min: Option<f64>,
-        element: usize,
+        place: Place,
     ) -> Option<Self> {
         let length = norm(way);
         if length <= 0.0 {
@@ -63,7 +67,7 @@ impl Block {
             None => most,
         };
         let (pause_s, junction, entry) = (0.0, 0.0, 0.0);
-        Some(Self { unit, length, acceleration, rate, feed, element, pause_s, junction, entry })
+        Some(Self { unit, length, acceleration, rate, feed, place, pause_s, junction, entry })
     }
 
     fn nominal(&self, speeds: Speeds) -> f64 {
@@ -117,8 +121,8 @@ impl Ring {
         self.queue.len() >= self.blocks_max
     }
 
-    pub(super) fn front_element(&self) -> Option<usize> {
-        self.queue.front().map(|block| block.element)
+    pub(super) fn front_place(&self) -> Option<Place> {
+        self.queue.front().map(|block| block.place)
     }
 
     pub(super) fn set_speeds(&mut self, speeds: Speeds) {

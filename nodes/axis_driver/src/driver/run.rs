@@ -34,6 +34,7 @@ use crate::encoder::{
 use crate::envelope::Beginning;
 use crate::machine_limits::StoredOffsets;
 use crate::tracker::Tracker;
+use crate::turns::Turns;
 use block::BlockOfLine;
 use cnc_msgs::contour::{Probe, Source};
 use cnc_msgs::geometry::{AxisSet, Position};
@@ -235,6 +236,8 @@ impl ProgramRun {
             path_of: request.program_id.clone(),
             request,
             tracker,
+            turns: Turns::new(encoder.events_begun(), encoder.further_place().at),
+            first_element,
             has_sent: false,
             blamed_line: 0,
             is_in_tool_change: false,

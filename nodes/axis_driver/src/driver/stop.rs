@@ -171,7 +171,7 @@ impl Stopping {
     /// A line was answered. Nothing is judged any more, but what is cut is still followed.
     pub(super) fn on_answer(&mut self, context: &mut Context, origin: &Origin) {
         match origin {
-            Origin::Program { element: Some(element), .. } => self.job.tracker.on_answer(*element),
+            Origin::Program { element, events, .. } => self.job.on_answer(*element, *events),
             Origin::Query(query) => self.on_query_answer(context, *query),
             _ => {}
         }

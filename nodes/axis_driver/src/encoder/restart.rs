@@ -23,8 +23,8 @@ use cnc_msgs::contour::Action;
 use cnc_msgs::further::FurtherAxes;
 use cnc_msgs::geometry::AxisSet;
 use cnc_msgs::path::{
-    CompensatedPath, FurtherPlace, NoEntry, PathElement, PathEvent, Role, StartInSpan, UnknownAxes,
-    in_force,
+    CompensatedPath, FurtherPlace, KnownPlace, NoEntry, PathElement, PathEvent, Role, StartInSpan,
+    UnknownAxes, in_force,
 };
 use cnc_msgs::port_word::PortWord;
 use std::sync::Arc;
@@ -104,12 +104,12 @@ pub fn start_at(
     // Without a lift, before the first motion, the tool is wherever the path expects it, as for the whole.
     let place = match (index, height) {
         (0, None) => KnownPlace::default(),
-        _ => KnownPlace::before(&path, index, encoder.next_event),
+        _ => path.known_place(index, encoder.next_event),
     };
     if is_in_span && !place.unknown.is_empty() {
         // From elsewhere the first element would leave the path.
         let axes = place.unknown;
-        return Err(place.refuse(line, axes));
+        return Err(refuse(place, line, axes));
     }
     let further = encoder.further_place();
     let pushed = match height {
@@ -119,14 +119,14 @@ pub fn start_at(
             let given = path.elements[index].axes.without(path.relative_axes(index));
             let is_taken = place.unknown.contains(2) && in_plane.without(given).is_empty();
             if place.untouched.contains(2) && !names_z_first(&path, index) {
-                return Err(place.refuse(line, Z));
+                return Err(refuse(place, line, Z));
             }
             if !in_plane.is_empty() && !is_taken {
-                return Err(place.refuse(line, in_plane));
+                return Err(refuse(place, line, in_plane));
             }
             let counted = counted(&path.unknown_from(index, place.unknown));
             if !counted.is_empty() {
-                return Err(place.refuse(line, counted));
+                return Err(refuse(place, line, counted));
             }
             let turned = path.further_given(encoder.next_event, index);
             let turned = if place.unknown.contains(2) { turned } else { FurtherAxes::NONE };
@@ -139,7 +139,7 @@ pub fn start_at(
         }
         None if !place.unknown.is_empty() => {
             let axes = place.unknown;
-            return Err(place.refuse(line, axes));
+            return Err(refuse(place, line, axes));
         }
         None => {
             refuse_lost(&further, FurtherAxes::NONE, line)?;
@@ -166,7 +166,7 @@ pub fn start_at(
 impl Encoder {
     /// The axes whose place the path says here.
     pub(crate) fn known_axes(&self) -> AxisSet {
-        let place = KnownPlace::before(&self.path, self.next_element, self.next_event);
+        let place = self.path.known_place(self.next_element, self.next_event);
         AxisSet::ALL.without(place.unknown.union(place.untouched))
     }
 
@@ -180,7 +180,7 @@ impl Encoder {
 
     /// Whether what follows counts from a place that the path does not say.
     pub(crate) fn counts_from_unknown(&self) -> bool {
-        let place = KnownPlace::before(&self.path, self.next_element, self.next_event);
+        let place = self.path.known_place(self.next_element, self.next_event);
         !counted(&self.path.unknown_from(self.next_element, place.unknown)).is_empty()
     }
 }
@@ -252,78 +252,8 @@ fn refuse_lost(place: &FurtherPlace, given: FurtherAxes, line: u32) -> Result<()
     }
 }
 
-/// What the program has said of the place where an element begins.
-#[derive(Debug)]
-struct KnownPlace {
-    /// Axes that it has left somewhere else, or in another frame, since...
-    unknown: AxisSet,
-    /// ...this word.
-    since: String,
-    /// Axes that it has never named: they stay where they are.
-    untouched: AxisSet,
-}
-
-impl Default for KnownPlace {
-    fn default() -> Self {
-        let since = "the beginning of the program".into();
-        Self { unknown: AxisSet::NONE, since, untouched: AxisSet::NONE }
-    }
-}
-
-impl KnownPlace {
-    /// Follows elements and events up to an element and its events.
-    fn before(path: &CompensatedPath, index: usize, events: usize) -> Self {
-        let untouched = AxisSet::ALL.without(path.assumed_axes);
-        let mut place = Self { untouched, ..Self::default() };
-        let mut next_event = 0;
-        let mut probe = None;
-        for (number, element) in path.elements.iter().enumerate().take(index + 1) {
-            while let Some(event) = path.events[..events].get(next_event)
-                && event.at_element <= number
-            {
-                next_event += 1;
-                place.follow(&event.action);
-                if let Action::Probe(it) = event.action {
-                    probe = Some(it);
-                }
-            }
-            if number < index {
-                let start = path.start_of(number);
-                let moved = (0..3).filter(|&axis| element.end[axis] != start[axis]);
-                let given = moved.fold(element.axes, AxisSet::with);
-                let given = given.without(path.relative_axes(number));
-                place.unknown = place.unknown.without(given);
-                place.untouched = place.untouched.without(given);
-                if let Some(probe) = probe.take() {
-                    place.unknown = place.unknown.union(given);
-                    place.since = probe.word().to_owned();
-                }
-            }
-        }
-        place
-    }
-
-    /// Takes what moves the axes, or their frame, otherwise.
-    fn follow(&mut self, action: &Action) {
-        let all_if_none = |axes: AxisSet| if axes.is_empty() { AxisSet::ALL } else { axes };
-        let moved = match action {
-            Action::MachineMove { axes, .. } | Action::SetWorkOffset { axes, .. } => *axes,
-            Action::Reference { axes, .. } | Action::Home { axes } => all_if_none(*axes),
-            // What was never named is where it is in every frame.
-            Action::WorkOffset { .. } => AxisSet::ALL.without(self.untouched),
-            Action::ToolLength { .. } => Z.without(self.untouched),
-            _ => return,
-        };
-        if !moved.is_empty() {
-            self.unknown = self.unknown.union(moved);
-            self.untouched = self.untouched.without(moved);
-            self.since = action.text();
-        }
-    }
-
-    fn refuse(self, line: u32, axes: AxisSet) -> StartProblem {
-        StartProblem::UnknownPlace { line, axes: axes.letters(), since: self.since }
-    }
+fn refuse(place: KnownPlace, line: u32, axes: AxisSet) -> StartProblem {
+    StartProblem::UnknownPlace { line, axes: axes.letters(), since: place.since }
 }
 
 fn no_entry(refused: &NoEntry) -> String {

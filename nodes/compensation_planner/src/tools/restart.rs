@@ -6,11 +6,9 @@
 use crate::check::finding::block_name;
 use cnc_msgs::contour::{Action, ContourEventKind, CutterSide, ProgrammedContour, Source};
 use cnc_msgs::finding::{Code, Finding};
-use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
-use cnc_msgs::geometry::{AXIS_LETTERS, Plane, Position};
-use cnc_msgs::path::{
-    CompensatedPath, Entry, NoEntry, PathElement, PathEvent, StartInSpan, in_force,
-};
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes, FurtherMode, FurtherMove};
+use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Plane, Position};
+use cnc_msgs::path::{CompensatedPath, Entry, NoEntry, PathEvent, StartInSpan, in_force};
 use cnc_msgs::profile::{HomeMode, Profile, RestartMode};
 use std::fmt;
 
@@ -18,8 +16,10 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
     pub entry: Entry,
-    /// Where the first element starts, work frame, mm.
+    /// Where the first element starts, work frame, mm...
     pub at: Position,
+    /// ...in the axes whose place the program has said.
+    pub known: AxisSet,
     /// Where A to W are then, as far as the program has said it.
     pub further: FurtherAxes,
     pub in_span: StartInSpan,
@@ -27,7 +27,9 @@ pub struct Start {
     calls: String,
     /// Set if the control would not begin there and its profile makes that a warning.
     pub warning: Option<Finding>,
-    first: PathElement,
+    /// The block that moves something first, and its feed; `None`: a rapid.
+    first: (Source, Option<f64>),
+    side: Option<CutterSide>,
     in_force: Vec<PathEvent>,
 }
 
@@ -64,7 +66,9 @@ pub fn start(
         let finding =
             Finding::error(Code::Restart, of_line, refused.to_string()).help(refused.help());
         let (line, nearest_occurrence) = match refused {
-            NoEntry::PastEnd { last, .. } => (last, path.last_occurrence(last, None)),
+            NoEntry::PastEnd { last, .. } | NoEntry::TurnsAlone { last, .. } => {
+                (last, path.last_occurrence(last, None))
+            }
             // Only the user knows which one is meant.
             NoEntry::SeveralTimes { .. }
             | NoEntry::TooFew { .. }
@@ -114,16 +118,38 @@ pub fn start(
         Some(Plane::Xy) => StartInSpan::FromAbove,
         Some(Plane::Zx | Plane::Yz) => StartInSpan::Standing,
     };
+    let first = first_move(path, entry);
     Ok(Start {
         entry,
         at: path.start_of(entry.element),
         further: path.further_after(entry.event).at,
         in_span,
-        calls: path.calls.after(path.elements[entry.element].source),
+        known: path.known_place(entry.element, entry.event).known(),
+        calls: path.calls.after(first.0),
         warning,
-        first: path.elements[entry.element],
+        first,
+        side: path.elements[entry.element].side,
         in_force: in_force(&path.events[..entry.event], entry.element),
     })
+}
+
+/// The block that moves an axis first, A to W included, and its feed; `None`: a rapid.
+fn first_move(path: &CompensatedPath, entry: Entry) -> (Source, Option<f64>) {
+    let element = &path.elements[entry.element];
+    let before = path.events[entry.event..].iter().take_while(|it| it.at_element <= entry.element);
+    let moved = before.into_iter().find_map(|event| match event.action {
+        Action::Further(FurtherMove { mode: FurtherMode::Feed(rate), .. }) => {
+            Some((event.source, Some(rate)))
+        }
+        Action::Further(FurtherMove { mode: FurtherMode::Rapid, .. })
+        | Action::Reference { .. }
+        | Action::Home { .. } => Some((event.source, None)),
+        Action::MachineMove { rapid, feed_mm_per_min, .. } => {
+            Some((event.source, (!rapid).then_some(feed_mm_per_min)))
+        }
+        _ => None,
+    });
+    moved.unwrap_or((element.source, element.feed_mm_per_min))
 }
 
 /// Compensation that is on at the start of a line.
@@ -187,23 +213,26 @@ impl fmt::Display for Start {
     /// `begins with block N70 at X105.000 Y-25.000 Z-5.000, cutter left of the contour, F250,
     /// T1 S8000 M3`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let comma = if self.calls.is_empty() { "" } else { "," };
-        write!(f, "begins with {}{}{comma} at", block_name(self.first.source), self.calls)?;
-        for (letter, place) in AXIS_LETTERS.iter().zip(self.at) {
-            write!(f, " {letter}{place:.3}")?;
+        let (source, feed) = self.first;
+        write!(f, "begins with {}{}", block_name(source), self.calls)?;
+        if !self.known.is_empty() || !self.further.is_empty() {
+            f.write_str(if self.calls.is_empty() { " at" } else { ", at" })?;
+        }
+        for axis in (0..3).filter(|axis| self.known.contains(*axis)) {
+            write!(f, " {}{:.3}", AXIS_LETTERS[axis], self.at[axis])?;
         }
         for (axis, place) in self.further.iter() {
             write!(f, " {}{place:.3}", FURTHER_LETTERS[axis])?;
         }
         if self.in_span != StartInSpan::Refused {
-            let side = match self.first.side {
+            let side = match self.side {
                 Some(CutterSide::Left) => ", cutter left of the contour",
                 Some(CutterSide::Right) => ", cutter right of the contour",
                 None => "",
             };
             f.write_str(side)?;
         }
-        match self.first.feed_mm_per_min {
+        match feed {
             Some(feed) => write!(f, ", F{feed}")?,
             None => f.write_str(", at rapid")?,
         }
@@ -218,6 +247,52 @@ impl fmt::Display for Start {
         match self.in_span {
             StartInSpan::Standing => f.write_str("; the tool has to stand there"),
             StartInSpan::Refused | StartInSpan::FromAbove => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cnc_msgs::geometry::Shape;
+    use cnc_msgs::path::{PathElement, Role};
+
+    /// The text of a start with a line of: `G0 X10 Y10`, `G1 A360 F3600`, `G0 Z20`.
+    #[test]
+    fn a_start_names_the_first_line_that_moves_anything_and_the_places_that_are_known() {
+        let source = |line| Source { line, ..Source::default() };
+        let element = |line, end, axes| PathElement {
+            shape: Shape::Line,
+            end,
+            feed_mm_per_min: None,
+            role: Role::None,
+            side: None,
+            axes,
+            source: source(line),
+        };
+        let turn =
+            FurtherMove { axes: FurtherAxes::NONE.with(0, 360.0), mode: FurtherMode::Feed(3600.0) };
+        let path = CompensatedPath {
+            elements: vec![
+                element(2, [10.0, 10.0, 0.0], AxisSet::from_bits(0b011)),
+                element(4, [10.0, 10.0, 20.0], AxisSet::NONE.with(2)),
+            ],
+            events: vec![PathEvent {
+                at_element: 1,
+                action: Action::Further(turn),
+                source: source(3),
+            }],
+            ..CompensatedPath::default()
+        };
+        let contour = ProgrammedContour::default();
+        for (line, text) in [
+            (2, "begins with line 2, at rapid"),
+            (3, "begins with line 3 at X10.000 Y10.000, F3600"),
+            (4, "begins with line 4 at X10.000 Y10.000 A360.000, at rapid"),
+        ] {
+            let start = start(&contour, &crate::tools::verdict::tests::sinumerik(), &path, line, 0)
+                .expect("it begins");
+            assert_eq!(start.to_string(), text);
         }
     }
 }

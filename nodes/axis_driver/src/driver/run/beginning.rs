@@ -2,14 +2,17 @@
 
 use crate::approach::ApproachText;
 use crate::encoder::{EncodedLine, Encoder, EncoderStep};
+use crate::link::LineKind;
 use cnc_msgs::contour::{Action, work_system};
 use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::path::{CompensatedPath, PathEvent, StartInSpan, in_force};
 
 /// Lines before the first element that a check shows.
 const SHOWN_MAX: usize = 10;
-/// Lines that cut, after them.
-const CUT_SHOWN: usize = 3;
+/// Of them the last.
+const LAST_SHOWN: usize = 3;
+/// Lines of the program that move something, after them.
+const MOVES_SHOWN: usize = 3;
 
 /// How the tool gets to the first element of a run from the middle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +62,7 @@ impl Descent {
 }
 
 /// What a check says of a run that begins here, in parts: the words in force there, how the tool gets
-/// there, what is sent before the first element, and what is cut first.
+/// there, what is sent for that, and the first lines of the program that follow.
 pub(in crate::driver) fn beginning_of(
     path: &CompensatedPath,
     encoder: Encoder,
@@ -70,12 +73,12 @@ pub(in crate::driver) fn beginning_of(
     let mut parts = words_in_force(&in_force(&path.events[..event], element));
     parts.extend(approach.map(|approach| approach.to_string()));
     let awaited = encoder.awaited_further();
-    let (first, cut) = lines_of(encoder);
+    let (first, then) = lines_of(encoder);
     if !first.is_empty() {
         parts.push(format!("first come {}", first.join(", ")));
     }
-    if !cut.is_empty() {
-        parts.push(format!("the first cut are {}", cut.join(", ")));
+    if !then.is_empty() {
+        parts.push(format!("the program goes on with {}", then.join(", ")));
     }
     parts.extend(awaited.map(|(letters, line)| {
         let (is, it) = if letters.len() == 1 { ("is", "it") } else { ("are", "them") };
@@ -126,42 +129,54 @@ fn words_in_force(events: &[PathEvent]) -> Vec<String> {
     ]
 }
 
-/// The lines before the first element, and some of those that cut, with the lines of the program.
+/// The lines that bring machine and tool to the start, and the first ones of the program, with their
+/// lines there.
 fn lines_of(mut encoder: Encoder) -> (Vec<String>, Vec<String>) {
-    let (mut first, mut more, mut cut) = (Vec::new(), 0, Vec::new());
+    let begun = encoder.events_begun();
+    let (mut first, mut then, mut moves) = (Vec::new(), Vec::new(), 0);
     while let Some(Ok(step)) = encoder.next_step() {
-        let line = match step {
-            EncoderStep::Line(EncodedLine { element: Some(_), text, source, .. }) => {
-                cut.push(format!("{text} (line {})", source.line));
-                if cut.len() == CUT_SHOWN {
-                    break;
-                }
-                continue;
+        let is_of_program = !then.is_empty() || encoder.events_begun() > begun;
+        if !is_of_program && step.line().is_none_or(|line| line.element.is_none()) {
+            first.extend(match step {
+                EncoderStep::Line(line) | EncoderStep::ReadInput { line } => Some(line.text),
+                EncoderStep::ToolChange { tool, .. } => Some(format!("the change to T{tool}")),
+                EncoderStep::ControllerChange { tool, .. } => Some(format!("M6T{tool}")),
+                _ => None,
+            });
+            continue;
+        }
+        let (text, source) = match step {
+            EncoderStep::Line(EncodedLine { text, source, kind, .. }) => {
+                moves += usize::from(kind == LineKind::Motion);
+                (text, source)
             }
+            EncoderStep::ReadInput { line } => (line.text, line.source),
+            EncoderStep::Home { text, source, .. } => (text, source),
+            EncoderStep::ToolChange { tool, source } => (format!("the change to T{tool}"), source),
+            EncoderStep::ControllerChange { tool, source } => (format!("M6T{tool}"), source),
             EncoderStep::Probe { .. }
             | EncoderStep::Stretch { .. }
             | EncoderStep::UserFunction { .. } => break,
             EncoderStep::AllowOverrides { .. }
             | EncoderStep::CheckStart
             | EncoderStep::CheckReturn { .. } => continue,
-            EncoderStep::Line(line) | EncoderStep::ReadInput { line } => line.text,
-            EncoderStep::Home { text, .. } => text,
-            EncoderStep::ToolChange { tool, .. } => format!("the change to T{tool}"),
-            EncoderStep::ControllerChange { tool, .. } => format!("M6T{tool}"),
         };
-        match (cut.is_empty(), first.len() < SHOWN_MAX) {
-            (true, true) => first.push(line),
-            (true, false) => more += 1,
-            (false, _) => cut.push(line),
-        }
-        if cut.len() == CUT_SHOWN {
+        then.push(format!("{text} (line {})", source.line));
+        if moves == MOVES_SHOWN || then.len() == SHOWN_MAX {
             break;
         }
     }
+    (shortened(first), then)
+}
+
+/// The first of many lines and the last three, which move the tool over the part and down.
+fn shortened(mut lines: Vec<String>) -> Vec<String> {
+    let more = lines.len().saturating_sub(SHOWN_MAX);
     if more > 0 {
-        first.push(format!("and {more} more"));
+        let from = SHOWN_MAX - LAST_SHOWN;
+        lines.splice(from..from + more, [format!("{more} more")]);
     }
-    (first, cut)
+    lines
 }
 
 #[cfg(test)]
@@ -252,7 +267,7 @@ mod tests {
         let many = beginning(1000);
         assert_eq!(many.split(", ").count(), SHOWN_MAX + 1, "{many}");
         let rest = shown + 998 - SHOWN_MAX;
-        assert!(many.ends_with(&format!(", and {rest} more")), "{many}");
+        assert_eq!(many.split(", ").nth(SHOWN_MAX - LAST_SHOWN), Some(&*format!("{rest} more")));
     }
 
     #[test]
@@ -295,7 +310,7 @@ mod tests {
                 "spindle S900 M3",
                 "coolant M8",
                 "first come M5, the change to T3, G55, G43.1Z50, S900, M3, M8",
-                "the first cut are G1X4Y0Z-1F600 (line 4), X5Y0Z-1 (line 5), X6Y0Z-1 (line 6)",
+                "the program goes on with G1X4Y0Z-1F600 (line 4), X5Y0Z-1 (line 5), X6Y0Z-1 (line 6)",
                 Descent::NotLifted.before().expect("it has to stand there"),
             ]
         );

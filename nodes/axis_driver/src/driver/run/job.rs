@@ -4,6 +4,7 @@ use super::request::RunRequest;
 use crate::driver::context::{Context, Origin};
 use crate::report::ControllerState;
 use crate::tracker::Tracker;
+use crate::turns::Turns;
 use cnc_msgs::contour::{CutterSide, Source};
 
 /// Owns what was asked for and where the tool is on the path. A run hands it to the stop.
@@ -15,6 +16,9 @@ pub(in crate::driver) struct Job {
     /// The program that its path is of: with the results of probes it has another id.
     pub(in crate::driver) path_of: String,
     pub(in crate::driver) tracker: Tracker,
+    /// Follows the lines between elements that turn A to W alone.
+    pub(in crate::driver) turns: Turns,
+    pub(in crate::driver) first_element: usize,
     pub(in crate::driver) has_sent: bool,
     /// The line of the block that the controller refused or stopped at.
     pub(in crate::driver) blamed_line: u32,
@@ -39,8 +43,8 @@ impl Job {
 
     /// The block that is being cut.
     pub(in crate::driver) fn place(&self) -> String {
-        match self.request.path.elements.get(self.tracker.element()) {
-            Some(element) if self.line() > 0 => self.place_of(element.source),
+        match self.source() {
+            Some(source) if self.line() > 0 => self.place_of(source),
             _ => "before the first line".into(),
         }
     }
@@ -50,18 +54,48 @@ impl Job {
         self.request.check_only
     }
 
+    /// The block that is being cut; `None` before the first.
+    fn source(&self) -> Option<Source> {
+        let path = &self.request.path;
+        let element = path.elements.get(self.tracker.element());
+        let cut = element.filter(|_| self.tracker.is_under_way()).map(|element| element.source);
+        self.turns.source(path).or(cut).filter(|_| self.has_sent)
+    }
+
     /// The source line that is being cut, 0 before the first.
     pub(in crate::driver) fn line(&self) -> u32 {
-        let element = self.request.path.elements.get(self.tracker.element());
-        let has_begun = self.has_sent && self.tracker.is_under_way();
-        element.filter(|_| has_begun).map_or(0, |element| element.source.line)
+        self.source().map_or(0, |source| source.line)
     }
 
     /// Which time the line that is being cut is run; 0: the only one.
     pub(in crate::driver) fn occurrence(&self) -> u32 {
-        let path = &self.request.path;
-        let element = path.elements.get(self.tracker.element()).filter(|_| self.line() > 0);
-        element.map_or(0, |element| path.occurrence(element.source))
+        let source = self.source().filter(|source| source.line > 0);
+        source.map_or(0, |source| self.request.path.occurrence(source))
+    }
+
+    /// A line of the program was answered.
+    pub(in crate::driver) fn on_answer(&mut self, element: Option<usize>, events: usize) {
+        if let Some(element) = element {
+            self.tracker.on_answer(element);
+        }
+        self.turns.on_answer(events);
+    }
+
+    /// All that was answered has been cut.
+    pub(in crate::driver) fn on_all_done(&mut self) {
+        self.tracker.on_all_done();
+        if let Some(gap) = self.gap() {
+            self.turns.on_all_done(&self.request.path, gap);
+        }
+    }
+
+    /// The element before which the tool stands; `None` where one is being cut.
+    fn gap(&self) -> Option<usize> {
+        let element = self.tracker.element();
+        match () {
+            () if element == self.first_element && self.tracker.part() <= 0.0 => Some(element),
+            () => Some(element + 1).filter(|next| self.tracker.has_reached(*next)),
+        }
     }
 
     /// The side that the tool runs on in the element that is being cut: from the
@@ -101,7 +135,18 @@ impl Job {
             }
             let blocks = machine.blocks_in_use();
             self.tracker.on_position(&self.request.path, position, blocks, oldest);
-            machine.line = self.line();
+            context.machine.line = self.line();
+        }
+        let oldest = match context.link.oldest() {
+            Some(Origin::Program { events, .. }) => Some(*events),
+            _ => None,
+        };
+        if self.has_sent {
+            let (gap, places) = (self.gap(), context.machine.further_work());
+            self.turns.on_places(&self.request.path, gap, places, oldest);
+            if self.turns.under_way().is_some() {
+                context.machine.line = self.line();
+            }
         }
     }
 }

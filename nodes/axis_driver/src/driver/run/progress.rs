@@ -2,10 +2,12 @@
 
 use super::exit::{Exit, RunVerdict};
 use super::proof::{Judged, Proven};
+use super::time_left::UnderWay;
 use super::tool_change::ToolChange;
 use super::watch::EndOfLines;
 use super::{ProgramRun, Stage, Then};
 use crate::codes::{self, error_code};
+use crate::cycle_time::duration;
 use crate::driver::context::config::{ANSWER, PLANNED, RECORDER, SETTLED, WORK_POSITION};
 use crate::driver::context::place::PlaceWatch;
 use crate::driver::context::queries::OFFSETS_QUERY;
@@ -121,7 +123,7 @@ impl ProgramRun {
         } else {
             self.ask_offsets(context);
         }
-        context.reply(self.job.id, Ok(format!("{lines} lines, about {seconds:.0} s")));
+        context.reply(self.job.id, Ok(format!("{lines} lines, about {}", duration(seconds))));
         self.time.follow(&self.job.request.path, context.machine.speeds());
         let time_left_s = self.time.total_s();
         if !self.job.is_in_tool_change {
@@ -254,18 +256,16 @@ impl ProgramRun {
                 };
                 context.link.ask_status(context.now);
             }
-            (Origin::Program { element, .. }, Stage::Probing(_)) => {
-                if let Some(element) = element {
-                    self.job.tracker.on_answer(element);
-                }
+            (Origin::Program { element, events, .. }, Stage::Probing(_)) => {
+                self.job.on_answer(element, events);
                 return self.end_probe(context);
             }
             (Origin::Program { .. }, Stage::Reading(_)) => self.end_waiting(context),
-            (Origin::Program { element: Some(element), .. }, _) => {
-                self.job.tracker.on_answer(element);
+            (Origin::Program { element, events, .. }, _) => {
+                self.job.on_answer(element, events);
                 if self.job.is_check() {
                     // Nothing moves: what is read is done.
-                    self.job.tracker.on_all_done();
+                    self.job.on_all_done();
                 }
             }
             (Origin::Sync, Stage::Draining(then)) => {
@@ -323,7 +323,7 @@ impl ProgramRun {
             } if !is_idle => {}
             Stage::Settling { .. } if context.machine.is_state(&ControllerState::Run) => {
                 let text = "the controller has answered every line and still moves: an answer \
-                            came twice";
+                            came twice, or another sender wrote a line";
                 context.log(LogLevel::Error, text);
                 return Some(Exit::abort(error_code::PROTOCOL, text));
             }
@@ -336,7 +336,7 @@ impl ProgramRun {
                     EndOfLines::Waits => return None,
                     EndOfLines::Over(exit) => return Some(exit),
                 }
-                self.job.tracker.on_all_done();
+                self.job.on_all_done();
                 context.machine.line = self.job.line();
                 self.show_messages(context);
                 if let Some(exit) = self.follow(context, then) {
@@ -431,8 +431,14 @@ impl ProgramRun {
         }
         let path = &self.job.request.path;
         self.time.follow(path, context.machine.speeds());
-        let (element, part) = (self.job.tracker.element(), self.job.tracker.part());
-        let (fraction, time_left_s) = self.time.at(path, element, part);
+        let tracker = &self.job.tracker;
+        let (at, part) = match self.job.turns.under_way() {
+            Some((event, part)) => {
+                (UnderWay::Turn { before: path.events[event].at_element, event }, part)
+            }
+            None => (UnderWay::Element(tracker.element()), tracker.part()),
+        };
+        let (fraction, time_left_s) = self.time.at(path, at, part);
         let line = self.job.line();
         let progress = Some((line, fraction, time_left_s));
         if self.progress != progress {

@@ -8,7 +8,7 @@ use super::request::RunRequest;
 use super::time_left::BLOCKS_PER_SLICE;
 use super::workplace::WorkplaceCheck;
 use crate::codes::error_code;
-use crate::cycle_time::CycleTime;
+use crate::cycle_time::{CycleTime, duration};
 use crate::driver::answer::Refusal;
 use crate::driver::context::Context;
 use crate::driver::context::config::{ANSWER, LINES_PER_SLICE};
@@ -184,8 +184,9 @@ impl Check {
                 }
                 let parts = &self.beginning;
                 let to_the_end = if parts.is_empty() { "" } else { " to the end" };
+                let time = duration(seconds);
                 let mut message =
-                    format!("{lines} lines, about {seconds:.0} s{to_the_end}; nothing was sent");
+                    format!("{lines} lines, about {time}{to_the_end}; nothing was sent");
                 parts.iter().for_each(|part| message += &format!("; {part}"));
                 context.reply(id, Ok(message.clone()));
                 let outcome = RunOutcome::Succeeded;

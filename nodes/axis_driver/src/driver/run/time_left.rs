@@ -18,8 +18,8 @@ pub(super) struct TimeLeft {
     total_s: f64,
     /// The whole once more, from a change of the overrides on.
     recount: Option<CycleTime>,
-    /// The element that is under way, and when it ends.
-    under_way: Option<(usize, f64)>,
+    /// What is under way, and when it ends.
+    under_way: Option<(UnderWay, f64)>,
 }
 
 impl TimeLeft {
@@ -57,18 +57,47 @@ impl TimeLeft {
         }
     }
 
-    /// The tool has cut this part of an element, 0 to 1: what of the whole is done, 0 to 1, and the
-    /// seconds that are left.
-    pub(super) fn at(&mut self, path: &CompensatedPath, element: usize, part: f64) -> (f64, f64) {
-        let begun = self.done.advance_to(path, element.min(path.elements.len()));
-        let ends = match self.under_way.filter(|(of, _)| *of == element) {
+    /// This part of what is under way is done, 0 to 1: what of the whole is done, 0 to 1, and the seconds
+    /// that are left.
+    pub(super) fn at(&mut self, path: &CompensatedPath, at: UnderWay, part: f64) -> (f64, f64) {
+        let begun = at.begins(&mut self.done, path);
+        let ends = match self.under_way.filter(|(of, _)| *of == at) {
             Some((_, ends)) => ends,
-            None => self.done.clone().advance_to(path, (element + 1).min(path.elements.len())),
+            None => at.ends(&mut self.done.clone(), path),
         };
-        self.under_way = Some((element, ends));
+        self.under_way = Some((at, ends));
         let done = begun + (ends - begun).max(0.0) * part.clamp(0.0, 1.0);
         let fraction = if self.total_s > 0.0 { (done / self.total_s).min(1.0) } else { 0.0 };
         (fraction, (self.total_s - done).max(0.0))
+    }
+}
+
+/// What is under way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum UnderWay {
+    Element(usize),
+    /// A line that turns A to W alone before an element: this event.
+    Turn {
+        before: usize,
+        event: usize,
+    },
+}
+
+impl UnderWay {
+    fn begins(self, time: &mut CycleTime, path: &CompensatedPath) -> f64 {
+        match self {
+            // Nothing has an element, and nothing has turned yet.
+            Self::Element(_) if path.elements.is_empty() => time.seconds(),
+            Self::Element(element) => time.advance_to_cut(path, element),
+            Self::Turn { before, event } => time.advance_to_turn(path, (before, event)),
+        }
+    }
+
+    fn ends(self, time: &mut CycleTime, path: &CompensatedPath) -> f64 {
+        match self {
+            Self::Element(element) => time.advance_to_turn(path, (element + 1, 0)),
+            Self::Turn { before, event } => time.advance_to_turn(path, (before, event + 1)),
+        }
     }
 }
 
@@ -104,19 +133,19 @@ mod tests {
         let (whole, slower) = (time(Speeds::default()), time(half));
         let mut left = TimeLeft::new(CycleTime::new(&limits, &path, 0, None));
         left.set_total(whole);
-        assert_eq!(left.at(&path, 0, 0.0), (0.0, whole));
+        assert_eq!(left.at(&path, UnderWay::Element(0), 0.0), (0.0, whole));
         left.follow(&path, half);
         assert!((left.total_s() - 2.0 * whole).abs() < 1e-6, "scaled at once");
         let slices = path.elements.len() / BLOCKS_PER_SLICE + 1;
         (0..slices).for_each(|_| left.follow(&path, half));
         assert!((left.total_s() - slower).abs() < 1e-6, "{} s, {slower} s", left.total_s());
         // In the middle of an element a part of it is done.
-        let (_, at_its_start) = left.at(&path, 3_001, 0.0);
-        let (_, in_its_middle) = left.at(&path, 3_001, 0.5);
-        let (fraction, at_its_end) = left.at(&path, 3_002, 0.0);
+        let (_, at_its_start) = left.at(&path, UnderWay::Element(3_001), 0.0);
+        let (_, in_its_middle) = left.at(&path, UnderWay::Element(3_001), 0.5);
+        let (fraction, at_its_end) = left.at(&path, UnderWay::Element(3_002), 0.0);
         let middle = (at_its_start + at_its_end) / 2.0;
         assert!((in_its_middle - middle).abs() < 1e-6, "{in_its_middle} s, {middle} s");
         assert!((fraction - 0.5).abs() < 0.01, "{fraction}");
-        assert_eq!(left.at(&path, path.elements.len(), 1.0), (1.0, 0.0));
+        assert_eq!(left.at(&path, UnderWay::Element(path.elements.len()), 1.0), (1.0, 0.0));
     }
 }
