@@ -12,7 +12,11 @@ use std::path::Path;
 /// The first error of those that are refused, and its help.
 const REFUSED: &[(&str, &str, &str)] = &[
     ("vectric_mach", "G71 without Q", "meant for inches and millimetres, write G20 and G21"),
-    ("hsmworks_haas", "M97 is not supported", "write the block where it is called, or call a subroutine with M98 or o10 call"),
+    (
+        "hsmworks_haas",
+        "M97 is not supported",
+        "write the block where it is called, or call a subroutine with M98 or o10 call",
+    ),
 ];
 
 #[test]
