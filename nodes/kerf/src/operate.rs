@@ -278,25 +278,36 @@ pub(crate) async fn begin<A: Action + 'static>(
     name: &str,
     goal: A::Goal,
 ) -> Result<GoalHandle<A>, Failure> {
-    let client: ActionClient<A> = node.action_client(name)?;
+    begin_or_code(node, name, goal).await.map_err(|(failure, _)| failure)
+}
+
+/// The same, with the error code of the node that has rejected the goal; 0 where it is not known.
+pub(crate) async fn begin_or_code<A: Action + 'static>(
+    node: &Handle,
+    name: &str,
+    goal: A::Goal,
+) -> Result<GoalHandle<A>, (Failure, u16)> {
+    let failed = |error: Failure| (error, 0);
+    let client: ActionClient<A> = node.action_client(name).map_err(|it| failed(it.into()))?;
     // The action has no field for the reason of a rejection.
-    let mut commands: Subscription<Command> = node.subscription("command_log", Qos::EVENTS)?;
+    let mut commands: Subscription<Command> =
+        node.subscription("command_log", Qos::EVENTS).map_err(|it| failed(it.into()))?;
     match client.send_goal(goal).await {
         Ok(handle) => Ok(handle),
-        Err(GoalError::Call(error)) => Err(error.into()),
+        Err(GoalError::Call(error)) => Err(failed(error.into())),
         Err(error @ GoalError::Rejected { .. }) => {
             let reason = timeout(Duration::from_secs(1), async {
                 loop {
                     let (command, _) = commands.next().await;
                     if command.endpoint.ends_with(name) && !command.success {
-                        break command.message;
+                        break (command.message, command.error_code);
                     }
                 }
             });
-            let reason = reason.await.unwrap_or_else(|_| error.to_string());
-            Err(Failure::new(Status::NodeRefused, reason))
+            let (reason, code) = reason.await.unwrap_or_else(|_| (error.to_string(), 0));
+            Err((Failure::new(Status::NodeRefused, reason), code))
         }
-        Err(error) => Err(Failure::new(Status::NodeRefused, error.to_string())),
+        Err(error) => Err(failed(Failure::new(Status::NodeRefused, error.to_string()))),
     }
 }
 

@@ -5,7 +5,7 @@
 
 use crate::exit::{Failure, Status};
 use crate::latched::{LATCHED_WITHIN, newest, newest_there};
-use crate::operate::{RunArgs, begin, no_answer, no_result};
+use crate::operate::{RunArgs, begin_or_code, no_answer, no_result};
 use crate::output_file::OutputFile;
 use crate::page::StartInTheMiddle;
 use axis_driver::codes::error_code::{START_LINE, USER_FUNCTION};
@@ -144,7 +144,11 @@ pub(crate) async fn confirmed(node: &Handle, args: &RunArgs) -> Result<RunProgra
     };
     let ((line, occurrence), planned, said) = accepted_start(node, &goal_at, start).await?;
     if (line, occurrence) != start {
-        println!("it cannot begin with {}, so it begins before", place(start));
+        println!(
+            "it cannot begin with {}, so it begins with {}",
+            place(start),
+            place((line, occurrence))
+        );
     }
     let goal = goal_at((line, occurrence));
     let rows = rows_of(planned, &said);
@@ -195,7 +199,7 @@ async fn accepted_start(
             if answer.success
                 && let Ok(said) = checked(node, goal_at(at)).await
             {
-                println!("{}", refused.message);
+                println!("{}", refused.failure.message);
                 return Ok((at, one_line(&answer.message).into_owned(), said));
             }
         }
@@ -250,15 +254,14 @@ fn rows_of(planned: String, checked: &str) -> Vec<String> {
 
 /// Why the driver does not begin somewhere.
 struct Refused {
-    /// 0: it has not answered.
+    /// 0: it is not known.
     error_code: u16,
-    message: String,
     failure: Failure,
 }
 
 impl From<Failure> for Refused {
     fn from(failure: Failure) -> Self {
-        Self { error_code: 0, message: String::new(), failure }
+        Self { error_code: 0, failure }
     }
 }
 
@@ -271,7 +274,8 @@ impl From<Refused> for Failure {
 /// What the driver would send first, and how long the rest takes.
 async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Refused> {
     let goal = RunProgramGoal { check_only: true, ..goal };
-    let handle = begin::<RunProgram>(node, "run_program", goal).await?;
+    let begun = begin_or_code::<RunProgram>(node, "run_program", goal).await;
+    let handle = begun.map_err(|(failure, error_code)| Refused { error_code, failure })?;
     let (_, result) = handle.result(CHECKED_WITHIN).await.map_err(no_result)?;
     let message = one_line(&result.message).into_owned();
     if result.outcome == RunProgramResult::OUTCOME_SUCCEEDED {
@@ -279,7 +283,7 @@ async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Refused>
     }
     let error_code = result.error_code;
     let failure = Failure::new(Status::NodeRefused, format!("{message} (error {error_code})"));
-    Err(Refused { error_code, message, failure })
+    Err(Refused { error_code, failure })
 }
 
 /// Asks on the terminal; without one nobody can answer.

@@ -298,8 +298,19 @@ fn a_run_that_was_broken_off_goes_on_where_that_is_confirmed() {
     machine.kerf(&["load", "masso.ngc", "--control", "masso"]).expect(0);
     resume(&[]).expect(4).says(&["masso.ngc, which is loaded, is not the program of the last run"]);
     resume(&["--start-line", "7"]).expect(4).says(&[
-        "it cannot begin with line 7, so it begins before",
+        "it cannot begin with line 7, so it begins with line 4",
         "the run begins with line 4 at X0.000 Y0.000 Z0.000",
+    ]);
+
+    // After G55 only the driver knows that the place of X and Y is lost.
+    let program = "G21 G90 G94\nG0 X0 Y0 Z0\nG1 Z-1 F300\nG1 X10\nG55\nG0 Z10\nG0 X10 Y10\nM2\n";
+    machine.folder.file("frames.ngc", program);
+    machine.kerf(&["load", "frames.ngc"]).expect(0);
+    resume(&["--start-line", "7"]).expect(4).says(&[
+        "line 7 begins where XY have not been given since G55",
+        "it cannot begin with line 7, so it begins with line 5",
+        "the program goes on with G55 (line 5), G0Z10 (line 6)",
+        "there is no terminal to confirm on",
     ]);
 }
 
