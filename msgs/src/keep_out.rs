@@ -68,7 +68,7 @@ impl TryFrom<String> for Frame {
 /// A box that nothing can have.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum KeepOutError {
-    #[error("{letter} of {key} of {name:?} is {value}; it must be within {COORDINATE_MM_MAX} mm")]
+    #[error("{letter} of {key} of {name:?} is {value:?}; it must be within {COORDINATE_MM_MAX} mm")]
     Coordinate { name: String, key: &'static str, letter: char, value: f64 },
     #[error(
         "{name:?} has no size in {letter}: min_mm is {min}, max_mm is {max}; min_mm must be less \
