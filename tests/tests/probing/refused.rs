@@ -44,7 +44,6 @@ fn a_run_begins_after_a_probe_only_where_the_program_says_where() {
 fn what_a_probe_cannot_give_is_refused_with_its_place() {
     let probe = "G21 G90 F100\nG0 X0 Y0 Z5\nG38.2 Z-30\n";
     for (after, said) in [
-        ("G43.1 Z5\nG91 G0 Z1", "where Z is, which is not known since G43.1 in line 4"),
         ("G41 D1 G1 X10 Y10\n#1=#5063", "cannot be read under cutter radius compensation"),
         ("G38.2 X5 A5", "A cannot move in a probe"),
         ("G38.2", "G38.2 without X, Y or Z"),
