@@ -63,10 +63,7 @@ fn the_program_prints_its_port_makes_a_link_and_removes_it() {
     let mut peer = Peer::open(&link);
     peer.expect("help]\r\n");
     peer.send(b"$$\n");
-    let settings = peer.expect("ok\r\n");
-    for wanted in ["\r\n$110=1234.000\r\n", "\r\n$133=360.000\r\n"] {
-        assert!(settings.contains(wanted), "{settings}");
-    }
+    assert!(peer.expect("ok\r\n").contains("\r\n$110=1234.000\r\n"));
     child.terminate();
     assert_eq!(ends(child), 0);
     assert!(std::fs::symlink_metadata(&link).is_err(), "the link is gone");
