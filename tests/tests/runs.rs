@@ -356,7 +356,7 @@ fn m28_before_the_first_motion_the_tool_is_lifted_and_goes_nowhere_else() {
     let said = line.said_since(then);
     let moves: Vec<&str> = said.lines().filter(|text| text.contains(['X', 'Y', 'Z'])).collect();
     assert_eq!(moves[..2], ["G53G0Z-.5", "G1X0Y0Z-5F600"], "{said}");
-    // Where no height is given, the user is told what the first move is.
+    // Where no height is given, the message says what the first move is.
     let mut line = homed(DriverConfig::default());
     let check = match request(&path, 3) {
         Command::RunProgram(request) => RunRequest { check_only: true, ..request },

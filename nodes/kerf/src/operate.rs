@@ -278,23 +278,41 @@ pub(crate) async fn begin<A: Action + 'static>(
     name: &str,
     goal: A::Goal,
 ) -> Result<GoalHandle<A>, Failure> {
-    begin_or_code(node, name, goal).await.map_err(|(failure, _)| failure)
+    Ok(begin_or_refused(node, name, goal).await?)
 }
 
-/// The same, with the error code of the node that has rejected the goal; 0 where it is not known.
-pub(crate) async fn begin_or_code<A: Action + 'static>(
+/// Why a node does not do something.
+pub(crate) struct Refused {
+    /// The node's own; 0 where it is not known.
+    pub(crate) error_code: u16,
+    pub(crate) failure: Failure,
+}
+
+impl From<Failure> for Refused {
+    fn from(failure: Failure) -> Self {
+        Self { error_code: 0, failure }
+    }
+}
+
+impl From<Refused> for Failure {
+    fn from(refused: Refused) -> Self {
+        refused.failure
+    }
+}
+
+/// [`begin`] with the error code of a rejection.
+pub(crate) async fn begin_or_refused<A: Action + 'static>(
     node: &Handle,
     name: &str,
     goal: A::Goal,
-) -> Result<GoalHandle<A>, (Failure, u16)> {
-    let failed = |error: Failure| (error, 0);
-    let client: ActionClient<A> = node.action_client(name).map_err(|it| failed(it.into()))?;
+) -> Result<GoalHandle<A>, Refused> {
+    let client: ActionClient<A> = node.action_client(name).map_err(Failure::from)?;
     // The action has no field for the reason of a rejection.
     let mut commands: Subscription<Command> =
-        node.subscription("command_log", Qos::EVENTS).map_err(|it| failed(it.into()))?;
+        node.subscription("command_log", Qos::EVENTS).map_err(Failure::from)?;
     match client.send_goal(goal).await {
         Ok(handle) => Ok(handle),
-        Err(GoalError::Call(error)) => Err(failed(error.into())),
+        Err(GoalError::Call(error)) => Err(Failure::from(error).into()),
         Err(error @ GoalError::Rejected { .. }) => {
             let reason = timeout(Duration::from_secs(1), async {
                 loop {
@@ -304,10 +322,10 @@ pub(crate) async fn begin_or_code<A: Action + 'static>(
                     }
                 }
             });
-            let (reason, code) = reason.await.unwrap_or_else(|_| (error.to_string(), 0));
-            Err((Failure::new(Status::NodeRefused, reason), code))
+            let (reason, error_code) = reason.await.unwrap_or_else(|_| (error.to_string(), 0));
+            Err(Refused { error_code, failure: Failure::new(Status::NodeRefused, reason) })
         }
-        Err(error) => Err(failed(Failure::new(Status::NodeRefused, error.to_string()))),
+        Err(error) => Err(Failure::new(Status::NodeRefused, error.to_string()).into()),
     }
 }
 

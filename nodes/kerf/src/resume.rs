@@ -5,7 +5,7 @@
 
 use crate::exit::{Failure, Status};
 use crate::latched::{LATCHED_WITHIN, newest, newest_there};
-use crate::operate::{RunArgs, begin_or_code, no_answer, no_result};
+use crate::operate::{Refused, RunArgs, begin_or_refused, no_answer, no_result};
 use crate::output_file::OutputFile;
 use crate::page::StartInTheMiddle;
 use axis_driver::codes::error_code::{START_LINE, USER_FUNCTION};
@@ -252,30 +252,10 @@ fn rows_of(planned: String, checked: &str) -> Vec<String> {
     std::iter::once(planned).chain(checked.split("; ").map(str::to_owned)).collect()
 }
 
-/// Why the driver does not begin somewhere.
-struct Refused {
-    /// 0: it is not known.
-    error_code: u16,
-    failure: Failure,
-}
-
-impl From<Failure> for Refused {
-    fn from(failure: Failure) -> Self {
-        Self { error_code: 0, failure }
-    }
-}
-
-impl From<Refused> for Failure {
-    fn from(refused: Refused) -> Self {
-        refused.failure
-    }
-}
-
 /// What the driver would send first, and how long the rest takes.
 async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Refused> {
     let goal = RunProgramGoal { check_only: true, ..goal };
-    let begun = begin_or_code::<RunProgram>(node, "run_program", goal).await;
-    let handle = begun.map_err(|(failure, error_code)| Refused { error_code, failure })?;
+    let handle = begin_or_refused::<RunProgram>(node, "run_program", goal).await?;
     let (_, result) = handle.result(CHECKED_WITHIN).await.map_err(no_result)?;
     let message = one_line(&result.message).into_owned();
     if result.outcome == RunProgramResult::OUTCOME_SUCCEEDED {

@@ -66,7 +66,9 @@ fn a_program_that_reads_the_tool_table_is_read_again_when_it_changes() {
     machine::until("it is withdrawn", || {
         let running = machine.kerf_meanwhile(&["run"]);
         while !running.is_finished() {
-            if stands("PROGRAM_STOP: this program cannot be read with the new tool table") {
+            if stands(
+                "PROGRAM_STOP: the tool table has changed, and the program was not read with it",
+            ) {
                 machine.kerf(&["abort"]).expect(0);
                 let _canceled = running.join();
                 return Some(());

@@ -11,7 +11,7 @@ mod statement;
 
 use crate::block::Programs;
 use crate::findings::Findings;
-use crate::limits::{FlowLimits, TimeLimit};
+use crate::limits::FlowLimits;
 use crate::line::Line;
 use crate::parameters::ARGUMENTS;
 use crate::subroutines::{file_starts, is_file_name};
@@ -28,6 +28,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
+/// How many bytes of lines take as long to read as a byte of a message takes to write.
+const MESSAGE_WEIGHT: u64 = 3;
 /// Lines between two looks at the clock.
 const TIMED_LINES: u64 = 64;
 
@@ -53,8 +55,8 @@ pub(crate) struct Flow<'t> {
     limits: FlowLimits,
     /// Lines of the text: a program that executes no more has no loops.
     lines: u64,
-    /// On the clock of the limits.
-    until: Option<(Duration, TimeLimit)>,
+    /// The end of the time, on the clock of the limits.
+    until: Option<Duration>,
     /// The main program, then each subroutine that is running.
     frames: Vec<Frame>,
     executed: u64,
@@ -88,7 +90,7 @@ impl<'t> Flow<'t> {
                 ..limits
             },
             lines,
-            until: limits.time.map(|limit| ((limit.clock)().saturating_add(limit.most), limit)),
+            until: limits.time.map(|limit| (limit.clock)().saturating_add(limit.most)),
             frames: vec![Frame::default()],
             executed: 0,
             executed_bytes: 0,
@@ -142,13 +144,13 @@ impl<'t> Flow<'t> {
         false
     }
 
-    /// Counts the text of a message like that of a line: numbers in it may be long.
+    /// Counts the text of a message: numbers in it may be long, and take longer to write than lines to read.
     pub(crate) fn count_text(&mut self, bytes: usize) {
-        self.executed_bytes += bytes as u64;
+        self.executed_bytes += MESSAGE_WEIGHT * bytes as u64;
     }
 
     fn is_late(&self) -> bool {
-        self.until.is_some_and(|(until, limit)| (limit.clock)() > until)
+        self.limits.time.zip(self.until).is_some_and(|(limit, until)| (limit.clock)() > until)
     }
 
     /// Drops findings from this index on that were reported in an earlier pass or call.

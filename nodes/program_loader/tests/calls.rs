@@ -277,8 +277,10 @@ fn the_texts_of_messages_count_as_well() {
     let flow = FlowLimits { bytes_max: 1 << 20, ..FlowLimits::default() };
     let (message, place) = refused(endless, flow);
     assert!(message.contains("bytes of blocks have been executed"), "{message}");
-    // Some thousand bytes each.
-    assert!(place.contains("pass 1") && !place.contains("pass 10000"), "{place}");
+    // Some thousand bytes each, which count three times; the lines alone would be enough for 18 000 passes.
+    let pass = place.split("pass ").nth(1).and_then(|rest| rest.split(' ').next());
+    let pass: u32 = pass.and_then(|pass| pass.parse().ok()).expect("a pass");
+    assert!((300..500).contains(&pass), "{place}");
 }
 
 #[test]

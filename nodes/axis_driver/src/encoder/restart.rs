@@ -8,10 +8,10 @@
 //! A to W included, which is checked after the words that move the frame; or, where a height is given at which
 //! it is clear of everything, it is lifted there before anything else. At that height A to W go where the
 //! program has them, so that nothing turns under the tool; then the tool goes over the
-//! place, and down to it at the feed in force there. So does a start at the first motion that leaves
-//! words or moves before it out: the program's own retract may be one of them. Under compensation it comes down at a point of the
-//! compensated path, along its own axis, so that the plunge removes only what the path
-//! removes there too. Where Z lies in the plane of compensation that is not so, and the tool
+//! place, and down to it at the feed in force there. A start at the first motion is lifted, too, where it
+//! leaves words or moves before it out: the program's own retract may be one of them. Under compensation
+//! the tool comes down at a point of the compensated path, along its own axis, so that the plunge removes
+//! only what the path removes there too. Where Z lies in the plane of compensation that is not so, and the tool
 //! must stand there. Where the program has left an axis elsewhere since
 //! it gave its place (a retract in the machine frame, a reference point, another work
 //! system), nothing is known that could be gone to: the tool stays at that height if it is
@@ -131,7 +131,7 @@ pub fn start_at(
             let turned = path.further_given(encoder.next_event, index);
             let turned = if place.unknown.contains(2) { turned } else { FurtherAxes::NONE };
             refuse_lost(&further, turned, line)?;
-            let given = AxisSet::ALL.without(place.unknown).without(place.untouched);
+            let given = place.known();
             if given.contains(2) && encoder.plunge_feed(index).is_none() {
                 return Err(StartProblem::NoFeed { line, z_mm: path.start_of(index)[2] });
             }
@@ -166,8 +166,7 @@ pub fn start_at(
 impl Encoder {
     /// The axes whose place the path says here.
     pub(crate) fn known_axes(&self) -> AxisSet {
-        let place = self.path.known_place(self.next_element, self.next_event);
-        AxisSet::ALL.without(place.unknown.union(place.untouched))
+        self.path.known_place(self.next_element, self.next_event).known()
     }
 
     /// Where the path has left the axes A to W that are sent, before what comes next.

@@ -554,7 +554,7 @@ function drawStrips() {
     const x = (along) => CHART_LEFT + along / (strip.length || 1) * (right - CHART_LEFT);
     const y = (value) => bottom - (value - low) / range * (bottom - top);
     brush.fillStyle = "#6b727c";
-    brush.fillText(`${strip.letter} in ${strip.unit} along ${strip.length.toFixed(1)} mm of path (alone 1 mm a degree)`, CHART_LEFT, top - 6);
+    brush.fillText(`${strip.letter} in ${strip.unit} along ${strip.length.toFixed(1)} mm of path; a turn alone counts 1 mm a degree`, CHART_LEFT, top - 6);
     brush.strokeStyle = "#eceef1";
     brush.lineWidth = 1;
     for (const value of most > least ? [least, most] : [least]) {

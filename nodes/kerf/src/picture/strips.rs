@@ -154,7 +154,7 @@ pub(super) fn write(
         writeln!(
             svg,
             "<text x=\"{left:.6}\" y=\"{:.6}\" dx=\"{text:.6}\">{letter} in {unit} along {length:.1} mm of \
-             path (alone 1 mm a degree)</text>",
+             path; a turn alone counts 1 mm a degree</text>",
             top - 0.9 * text
         )?;
         for value in [least, most] {

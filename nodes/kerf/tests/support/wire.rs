@@ -114,7 +114,7 @@ impl Wire {
         self.line().device.clone()
     }
 
-    /// What the driver is told to open.
+    /// What the driver opens.
     pub(crate) fn port(&self) -> PathBuf {
         match self.device() {
             Some(url) if url.starts_with("tcp:") => url,

@@ -65,6 +65,7 @@ impl FlowMap {
             let whole = &text[offset..length.map_or(text.len(), |length| offset + length)];
             let content = without_carriage_returns(whole);
             let line = Line { number: line, text: content, call: 0 };
+            // After a last line without an end nothing is left, and no other line.
             let next = Cursor {
                 offset: length.map_or(text.len(), |length| offset + length + 1),
                 line: at.line + u32::from(length.is_some()),

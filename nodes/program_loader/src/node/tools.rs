@@ -17,7 +17,7 @@ use std::time::Instant;
 /// What is loaded in place of a program that is not, or not yet, read with a new table: a run of it stops with the reason, and
 /// does not go on.
 const WITHDRAWN: &[u8] = b"o1 repeat [100]\n\
-    (MSG, this program cannot be read with the new tool table: cancel, and load it again)\n\
+    (MSG, the tool table has changed, and the program was not read with it: cancel, and see the log of the loader)\n\
     M0\no1 endrepeat\nM2\n";
 
 /// A program that is read again from here.

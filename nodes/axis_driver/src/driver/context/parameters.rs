@@ -49,35 +49,23 @@ impl DriverConfig {
             tool_change_return: bool("tool_change_return", default.tool_change_return),
             // A node of before, whose parameters are in a bag, called none.
             user_function_s_max: integer("user_function_s_max", 0),
-            on_commander_loss: match get("on_commander_loss") {
-                ParameterValue::String(word) => {
-                    let found = OnCommanderLoss::WORDS.iter().find(|(name, _)| *name == word);
-                    found.map_or(default.on_commander_loss, |(_, policy)| *policy)
-                }
-                _ => default.on_commander_loss,
-            },
+            on_commander_loss: word(&get("on_commander_loss"), &OnCommanderLoss::WORDS)
+                .unwrap_or(default.on_commander_loss),
             commander_timeout_ms: integer("commander_timeout_ms", default.commander_timeout_ms),
             rate_margin: double("rate_margin", default.rate_margin),
-            on_ros_loss: match get("on_ros_loss") {
-                ParameterValue::String(word) => {
-                    let found = OnRosLoss::WORDS.iter().find(|(name, _)| *name == word);
-                    found.map_or(default.on_ros_loss, |(_, policy)| *policy)
-                }
-                _ => default.on_ros_loss,
-            },
+            on_ros_loss: word(&get("on_ros_loss"), &OnRosLoss::WORDS)
+                .unwrap_or(default.on_ros_loss),
             ros_loss_timeout_ms: integer("ros_loss_timeout_ms", default.ros_loss_timeout_ms),
             on_path_deviation: match get("on_path_deviation") {
-                ParameterValue::String(word) => {
-                    let found = OnPathDeviation::WORDS.iter().find(|(name, _)| *name == word);
-                    found.map_or(default.on_path_deviation, |(_, policy)| *policy)
+                it @ ParameterValue::String(_) => {
+                    word(&it, &OnPathDeviation::WORDS).unwrap_or(default.on_path_deviation)
                 }
                 // A node of before, whose parameters are in a bag, had no watch.
                 _ => OnPathDeviation::Off,
             },
             check_travel: match get("check_travel") {
-                ParameterValue::String(word) => {
-                    let found = CheckTravel::WORDS.iter().find(|(name, _)| *name == word);
-                    found.map_or(default.check_travel, |(_, policy)| *policy)
+                it @ ParameterValue::String(_) => {
+                    word(&it, &CheckTravel::WORDS).unwrap_or(default.check_travel)
                 }
                 // A node of before, whose parameters are in a bag, had no check.
                 _ => CheckTravel::Off,
@@ -96,9 +84,11 @@ impl DriverConfig {
                     get("tool_change"),
                     ParameterValue::String(word) if word == "controller"
                 ),
-                approach_z_mm: match get("approach") {
-                    ParameterValue::String(word) if word == "lift" => {
-                        Some(double("approach_z_mm", 0.0))
+                approach_z_mm: match (get("approach"), get("approach_z_mm")) {
+                    (ParameterValue::String(word), ParameterValue::Double(height_mm))
+                        if word == "lift" =>
+                    {
+                        Some(height_mm)
                     }
                     _ => None,
                 },
@@ -106,4 +96,10 @@ impl DriverConfig {
             },
         }
     }
+}
+
+/// What a word stands for; `None` for another word, or none.
+fn word<T: Copy>(value: &ParameterValue, words: &[(&str, T)]) -> Option<T> {
+    let ParameterValue::String(word) = value else { return None };
+    words.iter().find(|(name, _)| name == word).map(|(_, means)| *means)
 }
