@@ -11,7 +11,7 @@ mod report;
 
 use super::Workplace;
 use super::distance::{Bounds, Nearest};
-use super::touch::{ANYWHERE, Span, Touch, Way};
+use super::touch::{ANYWHERE, Span, ToolMove, Touch};
 use crate::machine_limits::{MachineLimits, MachineZero};
 use crate::machine_path::{Lost, MachineMove, MoveFrame, Somewhere};
 use cnc_msgs::contour::{Source, work_system};
@@ -178,7 +178,7 @@ impl KeepOutCheck {
             arc.center[2] -= it.tool_length_mm;
             arc
         });
-        let way = Way { from, to, arc: arc.as_ref(), moved: it.axes };
+        let way = ToolMove { from, to, arc: arc.as_ref(), moved: it.axes };
         let cutter = self.tools.cutter(it.tool);
         let doubt = doubts.pop_last().map_or(Doubt::Tool, Doubt::Place);
         for each in &mut self.boxes {

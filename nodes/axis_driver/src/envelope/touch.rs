@@ -19,7 +19,7 @@ pub(super) const ANYWHERE: Span = [-FAR_MM, FAR_MM];
 
 /// One move of the tip, as far as it is known.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Way<'a> {
+pub(super) struct ToolMove<'a> {
     pub(super) from: [Span; 3],
     pub(super) to: [Span; 3],
     /// Its centre has the tool length taken off.
@@ -40,7 +40,7 @@ pub(super) enum Touch {
     Unclear,
 }
 
-impl Way<'_> {
+impl ToolMove<'_> {
     /// Compares with a box. The radius of the tool is between two values, mm.
     pub(super) fn touch(&self, bounds: &Bounds, [least_mm, most_mm]: [f64; 2]) -> Touch {
         if !self.may_reach(bounds, most_mm) {
@@ -201,7 +201,7 @@ mod tests {
             }
             let [from, to] = spans;
             let radius = 4.0 * spread(0.880_272);
-            let said = Way { from, to, arc: None, moved }.touch(&BLOCK, [radius; 2]);
+            let said = ToolMove { from, to, arc: None, moved }.touch(&BLOCK, [radius; 2]);
             let mut touches = 0;
             let mut free = 0;
             for sample in 0..PLACES {
@@ -253,7 +253,7 @@ mod tests {
         let arc = Arc { center: [15.0, 0.0, 0.0], plane: Plane::Xy, clockwise: true, turns: 0 };
         let point = |at: Position| at.map(|at| [at; 2]);
         let (from, to) = (point([5.0, 0.0, 0.0]), point([25.0, 0.0, 0.0]));
-        let way = |from, to| Way { from, to, arc: Some(&arc), moved: AxisSet::ALL };
+        let way = |from, to| ToolMove { from, to, arc: Some(&arc), moved: AxisSet::ALL };
         // Over the top of the circle: Y10.
         assert!(matches!(way(from, to).touch(&BLOCK, [1.0; 2]), Touch::Certain(_)));
         let low = |from: [Span; 3]| [from[0], from[1], [-4.0, 4.0]];
