@@ -124,3 +124,58 @@ impl Driver {
         Ok(driver)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::driver::Input;
+
+    const IDLE: &str = "<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>";
+
+    /// What a driver writes that is connected and hears these lines, the last of them after a checkpoint if
+    /// `is_restored`.
+    fn written(lines: &[&str], is_restored: bool) -> Vec<Vec<u8>> {
+        let connect = [IDLE, "Grbl 1.1h ['$' for help]", "ok", "ok", "ok", "ok", IDLE];
+        let mut driver = Driver::new(DriverConfig::default());
+        let mut now = Duration::ZERO;
+        let mut hear = |driver: &mut Driver, input| {
+            now += Duration::from_millis(7);
+            driver.handle(now, input);
+            let outputs = std::iter::from_fn(|| driver.poll_output());
+            outputs
+                .filter_map(|output| match output {
+                    crate::driver::Output::Transmit(bytes) => Some(bytes),
+                    _ => None,
+                })
+                .collect::<Vec<_>>()
+        };
+        hear(&mut driver, Input::PortOpened);
+        let (last, before) = lines.split_last().expect("a line");
+        let received = |line: &str| Input::Received(format!("{line}\r\n").into_bytes());
+        for line in connect.iter().chain(before) {
+            hear(&mut driver, received(line));
+        }
+        if is_restored {
+            let json = driver.checkpoint().expect("a driver at rest");
+            driver = Driver::from_checkpoint(json.as_bytes()).expect("it was written just now");
+        }
+        hear(&mut driver, received(last))
+    }
+
+    #[test]
+    fn a_driver_of_a_checkpoint_asks_for_offsets_no_more_often_than_the_one_before() {
+        const ASKS: &[&[u8]] = &[b"$#\n"];
+        const SET: &str = "<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:5.000,0.000,0.000>";
+        for (lines, expected) in [
+            // No stored offset explains the one in force.
+            (&[IDLE][..], ASKS),
+            // It was asked about.
+            (&[IDLE, "ok", IDLE], &[]),
+            // Another one, in two reports.
+            (&[IDLE, "ok", SET, SET], ASKS),
+        ] {
+            assert_eq!(written(lines, false), expected, "{lines:?}");
+            assert_eq!(written(lines, true), expected, "{lines:?} from a checkpoint");
+        }
+    }
+}

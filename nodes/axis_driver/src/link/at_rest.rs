@@ -20,6 +20,9 @@ pub struct LinkAtRest {
     health: Health,
     #[serde(default)]
     buffer: Buffer,
+    /// Answers since the last report.
+    #[serde(default)]
+    answers: u32,
     /// The beginning of a line whose end has not come yet.
     unfinished: Vec<u8>,
 }
@@ -38,6 +41,7 @@ impl<T> Link<T> {
             asks_everything: self.asks_everything,
             health: self.health.clone(),
             buffer: self.buffer.clone(),
+            answers: self.answers,
             unfinished: self.framer.unfinished().to_vec(),
         })
     }
@@ -51,6 +55,7 @@ impl<T> Link<T> {
             asks_everything,
             health,
             buffer,
+            answers,
             unfinished,
         } = rest;
         Self {
@@ -65,7 +70,7 @@ impl<T> Link<T> {
             health,
             buffer,
             check: LineCheck::new(config.line_check_interval_ms),
-            answers: 0,
+            answers,
             urgent: Vec::new(),
             lines: Vec::new(),
             events: VecDeque::new(),

@@ -69,10 +69,10 @@ pub(in crate::driver) struct Machine {
     #[serde(default)]
     pub(in crate::driver) doubted_offset: Option<Position>,
     /// The work offset that the stored ones were asked about last.
-    #[serde(skip)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(in crate::driver) asked_about: Option<Position>,
     /// How often they were, besides when it connects and in runs, and the answer has come.
-    #[serde(skip)]
+    #[serde(default)]
     pub(in crate::driver) offset_answers: u32,
     /// The words in force, as they were reported last.
     #[serde(default)]
@@ -93,7 +93,7 @@ pub(in crate::driver) struct Machine {
     #[serde(default)]
     was_unlocked: bool,
     /// What the last report had in it.
-    #[serde(skip)]
+    #[serde(default)]
     pub(in crate::driver) shown: Shown,
     /// A, B, C, U, V and W.
     #[serde(default)]
@@ -103,12 +103,12 @@ pub(in crate::driver) struct Machine {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(in crate::driver) spindle_tool: Option<u32>,
     /// The kinematics that the firmware has named when it started, or in its build (`$I`).
-    #[serde(skip)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(in crate::driver) kinematics: Option<String>,
 }
 
 /// What a report itself shows, not what was worked out or remembered.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(in crate::driver) struct Shown {
     pub(in crate::driver) work_offset: Option<Position>,
     pub(in crate::driver) has_machine_position: bool,

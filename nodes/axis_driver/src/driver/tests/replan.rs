@@ -24,8 +24,11 @@ impl Rests {
     /// Makes one, if the driver is at rest before the input at `now`.
     pub(super) fn mark(&mut self, driver: &Driver, now: Duration, entries: usize, outputs: usize) {
         let state = Output::State(driver.state(now));
-        let json = driver.checkpoint();
-        self.0.extend(json.map(|json| Rest { json, at: now, state, entries, outputs }));
+        let Some(json) = driver.checkpoint() else { return };
+        let again = Driver::from_checkpoint(json.as_bytes()).expect("it was written just now");
+        let known = |driver: &Driver| format!("{:?}", driver.context.machine);
+        assert_eq!(known(&again), known(driver), "a checkpoint keeps all that is known");
+        self.0.push(Rest { json, at: now, state, entries, outputs });
     }
 
     /// The number of those after which the rest of the record did not play as it did.
