@@ -7,9 +7,6 @@ const HTTP_PORT: u16 = 80;
 /// The forms that are understood, for messages.
 const FORMS: &str = "write a device such as /dev/ttyUSB0, tcp://HOST[:23], ws://HOST[:80][/PATH] or \
                      rfc2217://HOST:PORT";
-/// What to do where a board or a gateway insists on encryption.
-const NO_TLS: &str = "is encrypted, and the driver speaks no TLS: use the plain port on a network of the \
-                      machine's own, or a tunnel (ssh -L, stunnel)";
 
 /// A cable and what is at its end.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -74,12 +71,21 @@ impl Address {
                 let path = if path.is_empty() { "/" } else { path };
                 Ok(Self::WebSocket { host: host(authority, Some(HTTP_PORT))?, path: path.into() })
             }
-            "wss" | "tls" | "ssl" | "tcps" | "https" => Err(format!("{scheme}:// {NO_TLS}")),
+            "wss" | "https" => Err(no_tls(scheme, "ws")),
+            "tls" | "ssl" | "tcps" => Err(no_tls(scheme, "tcp")),
             "telnet" => Err("telnet:// is written tcp:// here".into()),
             "http" => Err("http:// is no cable; a WebSocket is written ws://".into()),
             _ => Err(format!("{scheme}:// is not known; {FORMS}")),
         }
     }
+}
+
+/// What to do where a board or a gateway insists on encryption.
+fn no_tls(scheme: &str, plain: &str) -> String {
+    format!(
+        "{scheme}:// is encrypted, and the driver speaks no TLS: write {plain}:// and the plain port on a network of \
+         the machine's own, or {plain}://127.0.0.1:PORT of a TLS tunnel that runs here (stunnel, ssh -L)"
+    )
 }
 
 /// `HOST:PORT`, `[IPV6]:PORT`; without a port the default, where there is one.
@@ -174,8 +180,17 @@ mod tests {
             ("tcp://[::1]23", "\"23\" after the bracket is not a port"),
             ("rfc2217://gate", "the port number of gate is missing"),
             ("ws://mill/a b", "holds a blank"),
-            ("wss://mill", "speaks no TLS"),
-            ("tls://mill:23", "speaks no TLS"),
+            (
+                "wss://mill",
+                "wss:// is encrypted, and the driver speaks no TLS: write ws:// and the plain port",
+            ),
+            (
+                "WSS://mill/ws",
+                "or ws://127.0.0.1:PORT of a TLS tunnel that runs here (stunnel, ssh -L)",
+            ),
+            ("https://mill", "write ws://"),
+            ("tls://mill:23", "or tcp://127.0.0.1:PORT of a TLS tunnel"),
+            ("ssl://mill:23", "the driver speaks no TLS: write tcp://"),
             ("http://mill", "written ws://"),
             ("telnet://mill", "written tcp://"),
             ("udp://mill:23", "udp:// is not known; write a device"),
