@@ -89,6 +89,11 @@ impl CycleTime {
         started
     }
 
+    /// What may make the time of this path wrong; nothing where all is known.
+    pub fn doubts(limits: &MachineLimits, path: &CompensatedPath) -> Vec<String> {
+        limits.time_doubts(path.further_given(0, path.elements.len()))
+    }
+
     /// Before all else the axes go from here, machine frame, to the first element: up, A to W by `turn`, over,
     /// and down at this feed. There the machine stands, and the driver looks where it is.
     pub fn come_from_above(

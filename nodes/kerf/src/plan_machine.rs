@@ -79,11 +79,11 @@ impl Machine {
         envelope.advance_to(path, path.elements.len());
         let report = envelope.report();
         let mut time = CycleTime::new(&self.limits, path, beginning.element, None);
-        let doubt = self.limits.time_doubt().map(str::to_owned);
+        let doubts = CycleTime::doubts(&self.limits, path);
         let on_machine = OnMachine {
             file: self.file.clone(),
             firmware: self.limits.firmware.traits().name,
-            not_judged: report.not_judged.iter().cloned().chain(doubt).collect(),
+            not_judged: report.not_judged.iter().cloned().chain(doubts).collect(),
             seconds: time.advance_to(path, path.elements.len()),
         };
         (report, on_machine)

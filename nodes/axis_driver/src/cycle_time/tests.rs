@@ -1,9 +1,11 @@
 //! Times that follow from the formulas; the virtual controller judges whole programs.
 
 use super::*;
+use crate::driver::ControllerSettings;
 use crate::firmware::Firmware;
 use crate::machine_limits::tests::settings;
 use cnc_msgs::contour::Source;
+use cnc_msgs::further::FurtherMove;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Shape};
 use cnc_msgs::path::{PathElement, PathEvent, Role};
 use cnc_msgs::text::Words;
@@ -155,4 +157,30 @@ fn an_arc_is_about_as_long_as_its_chords() {
     let found = CycleTime::new(&limits(&[]), &circle, 0, None).advance_to(&circle, 1);
     let expected = 40.0 * std::f64::consts::PI / 10.0 + 0.02;
     assert!((found / expected - 1.0).abs() < 2e-3, "{found}, about {expected}");
+}
+
+#[test]
+fn an_axis_without_reported_settings_is_in_doubt_in_paths_that_move_it() {
+    let rotary = ControllerSettings { axes: "XYZA".into(), ..settings(Firmware::GrblHal, "", &[]) };
+    let limits = MachineLimits::of(&rotary).expect("a machine");
+    let turn = FurtherMove { axes: FurtherAxes::NONE.with(0, 90.0), mode: FurtherMode::Along };
+    let turn = Action::Further(turn);
+    let store = Action::SetWorkOffset {
+        system: 2,
+        axes: AxisSet::NONE,
+        origin: [0.0; 3],
+        by_position: false,
+    };
+    for (actions, is_in_doubt) in [
+        (&[][..], false),
+        (&[turn], true),
+        // `G10 L2 P2 A90` turns nothing.
+        (&[turn, store], false),
+    ] {
+        let mut path = path(&[([10.0, 0.0, 0.0], Some(600.0))]);
+        let event = |&action| PathEvent { at_element: 0, action, source: Source::default() };
+        path.events = actions.iter().map(event).collect();
+        let doubts = CycleTime::doubts(&limits, &path);
+        assert_eq!(!doubts.is_empty(), is_in_doubt, "{actions:?}: {doubts:?}");
+    }
 }

@@ -88,8 +88,10 @@ impl Driver {
         };
         let limits = self.context.machine.limits_for_time();
         // Who types a block asks for no time.
-        if let Some(doubt) = limits.time_doubt().filter(|_| !request.is_mdi()) {
-            self.context.log(LogLevel::Warn, format!("not judged: {doubt}"));
+        if !request.is_mdi() {
+            for doubt in CycleTime::doubts(&limits, &request.path) {
+                self.context.log(LogLevel::Warn, format!("not judged: {doubt}"));
+            }
         }
         let machine = &self.context.machine;
         let here = machine.machine_position().filter(|_| !is_in_change);

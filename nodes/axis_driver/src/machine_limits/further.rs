@@ -7,7 +7,7 @@ use super::{HOMING_ON, STEPS_PER_MM_DEFAULT, TRAVEL_AS_DELIVERED_MM};
 use super::{LimitsProblem, MachineLimits, Range, Table};
 use crate::driver::ControllerSettings;
 use crate::firmware::TravelRule;
-use cnc_msgs::further::FurtherAxes;
+use cnc_msgs::further::{FURTHER_LETTERS, FurtherAxes};
 use cnc_msgs::geometry::Position;
 
 /// X, Y, Z, A, B, C, U, V and W, mm and degrees.
@@ -91,11 +91,31 @@ impl MachineLimits {
         self.jerk_mm_per_s3.map(|jerk| self.along(unit, jerk, |it| it.jerk_per_s3))
     }
 
-    /// Why the time of a path may be wrong on this machine; `None` where it is known.
-    ///
+    /// Why the time of a path that moves these axes may be wrong on this machine; nothing where it is known.
+    pub(crate) fn time_doubts(&self, moved: FurtherAxes) -> Vec<String> {
+        let of_axes = moved.iter().filter_map(|(axis, _)| self.further_doubt(axis));
+        self.jerk_doubt().map(str::to_owned).into_iter().chain(of_axes).collect()
+    }
+
+    /// Which settings of an axis that a path moves are not reported: it counts as if nothing bounded it.
+    fn further_doubt(&self, axis: usize) -> Option<String> {
+        let FurtherLimits { place, rate_per_min, acceleration_per_s2, .. } = self.further[axis]?;
+        let missing = [(110, rate_per_min), (120, acceleration_per_s2)];
+        let missing = missing.into_iter().filter(|(_, value)| value.is_infinite());
+        let missing: Vec<_> = missing.map(|(base, _)| format!("${}", base + place)).collect();
+        let letter = FURTHER_LETTERS[axis];
+        (!missing.is_empty()).then(|| {
+            format!(
+                "the time of moves of {letter}: the controller has not reported {}. Take the time for the least, or \
+                 enter the settings of {letter} in the controller",
+                missing.join(" and ")
+            )
+        })
+    }
+
     /// grblHAL plans with a mean acceleration where it limits jerk. Its ramps follow other rules, and depend
     /// on `ACCELERATION_TICKS_PER_SECOND`, which no board reports (docs/machine.md, Time).
-    pub fn time_doubt(&self) -> Option<&'static str> {
+    fn jerk_doubt(&self) -> Option<&'static str> {
         self.jerk_mm_per_s3.map(|_| {
             "the time: the controller limits jerk ($800 and up); its ramps take longer than it plans, \
              some of them several times as long. Take the time for the least, or build grblHAL \

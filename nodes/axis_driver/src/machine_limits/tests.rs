@@ -268,6 +268,47 @@ fn the_time_is_in_doubt_where_grblhal_limits_jerk() {
         (Firmware::FluidNc, &jerk, false),
     ] {
         let limits = MachineLimits::of(&settings(firmware, "", changes)).expect("a machine");
-        assert_eq!(limits.time_doubt().is_some(), is_in_doubt, "{firmware:?} {changes:?}");
+        let doubts = limits.time_doubts(FurtherAxes::NONE);
+        assert_eq!(!doubts.is_empty(), is_in_doubt, "{firmware:?} {changes:?}");
+    }
+}
+
+#[test]
+fn the_time_is_in_doubt_where_an_axis_that_moves_has_settings_that_are_not_reported() {
+    let (rate, acceleration) = ((113, 3_600.0), (123, 100.0));
+    let both = "the time of moves of A: the controller has not reported $113 and $123.";
+    for (axes, changes, moved, expected) in [
+        ("XYZA", &[][..], &[(0, 90.0)][..], &[both][..]),
+        ("XYZA", &[rate], &[(0, 90.0)], &["not reported $123. Take"]),
+        ("XYZA", &[acceleration], &[(0, 90.0)], &["not reported $113. Take"]),
+        ("XYZA", &[rate, acceleration], &[(0, 90.0)], &[]),
+        // It stands still, or the board has no such axis.
+        ("XYZA", &[], &[], &[]),
+        ("XYZA", &[], &[(1, 90.0)], &[]),
+        ("XYZ", &[], &[(0, 90.0)], &[]),
+        (
+            "XYZAC",
+            &[rate, acceleration],
+            &[(0, 1.0), (2, 1.0)],
+            &["of C: the controller has not reported $114 and $124"],
+        ),
+        (
+            "XYZUA",
+            &[],
+            &[(0, 1.0), (3, 1.0)],
+            &[
+                "of A: the controller has not reported $114",
+                "of U: the controller has not reported $113",
+            ],
+        ),
+    ] {
+        let settings =
+            ControllerSettings { axes: axes.into(), ..settings(Firmware::GrblHal, "", changes) };
+        let limits = MachineLimits::of(&settings).expect("a machine");
+        let doubts = limits.time_doubts(moved.iter().copied().collect());
+        assert_eq!(doubts.len(), expected.len(), "{axes} {changes:?}: {doubts:?}");
+        for (doubt, part) in doubts.iter().zip(expected) {
+            assert!(doubt.contains(part), "{axes} {changes:?}: {doubt}");
+        }
     }
 }
