@@ -115,3 +115,31 @@ fn a_start_in_the_middle_turns_further_axes_at_the_safe_height_or_needs_them_the
         }
     }
 }
+
+#[test]
+fn a_start_in_a_run_of_lines_that_turn_begins_with_the_line_that_was_asked_for() {
+    let turn = |angle| further(FurtherMode::Feed(360.0), &[(0, angle)]);
+    let events = [(1, 11, turn(30.0)), (1, 12, turn(60.0)), (1, 13, turn(90.0))];
+    for (line, before, turns) in [
+        (11, None, &["A30", "A60", "A90"][..]),
+        (12, Some("A30"), &["A60", "A90"]),
+        (13, Some("A60"), &["A90"]),
+        (14, Some("A90"), &[]),
+    ] {
+        let steps = started_at(&events, (line, Some(-2.0))).expect("a start");
+        let start = steps.iter().position(|step| step == "(start)").expect("the place is checked");
+        let of_turns = |steps: &[String]| {
+            let words = steps.iter().filter_map(|step| step.find('A').map(|at| &step[at..]));
+            let end = |word: &str| {
+                word[1..].find(|c: char| c.is_ascii_alphabetic()).map_or(word.len(), |at| at + 1)
+            };
+            words.map(|word| word[..end(word)].to_owned()).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            of_turns(&steps[..start]),
+            before.into_iter().collect::<Vec<_>>(),
+            "{line}: {steps:?}"
+        );
+        assert_eq!(of_turns(&steps[start..]), turns, "{line}: {steps:?}");
+    }
+}
