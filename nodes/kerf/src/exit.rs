@@ -2,6 +2,7 @@
 //!
 //! Each exit status has one meaning, the same for every subcommand that is not a node.
 
+use crate::node_message::with_commands;
 use std::process::ExitCode;
 
 /// Why a subcommand failed.
@@ -41,6 +42,11 @@ impl Failure {
     /// Status 2 with a message.
     pub(crate) fn usage(message: impl std::fmt::Display) -> Self {
         Self::new(Status::Usage, message.to_string())
+    }
+
+    /// A node refused, and says why.
+    pub(crate) fn of_node(message: &str) -> Self {
+        Self::new(Status::NodeRefused, with_commands(message))
     }
 
     /// Prints the message, if there is one.

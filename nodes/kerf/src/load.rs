@@ -74,7 +74,7 @@ pub(crate) async fn load_file(
     };
     show(&name, &text, &response.findings);
     if !response.success {
-        return Err(Failure::new(Status::NodeRefused, response.message));
+        return Err(Failure::of_node(&response.message));
     }
     let report = tokio::select! {
         biased;
@@ -270,7 +270,7 @@ async fn upload(node: &Handle, text: &[u8]) -> Result<String, Failure> {
         };
         let answer = put.call_idempotent(&request, PLAN_WITHIN).await?;
         if !answer.success {
-            return Err(Failure::new(Status::NodeRefused, answer.message));
+            return Err(Failure::of_node(&answer.message));
         }
     }
     Ok(upload_id)

@@ -4,6 +4,7 @@
 //! tried first, because it reaches every computer; if it does not answer soon, the socket is used.
 
 use crate::exit::{CommandResult, Failure, Status};
+use crate::node_message::with_commands;
 use crate::operate::with_node;
 use axis_driver::motion::{OperatorError, ask_operator};
 use axis_driver::protocol::{Answer, Wish};
@@ -113,9 +114,9 @@ impl LocalError {
 pub(crate) fn say(answer: Answer) -> CommandResult {
     match answer.result {
         Ok(message) => {
-            println!("{message}");
+            println!("{}", with_commands(&message));
             Ok(())
         }
-        Err(refusal) => Err(Failure::new(Status::NodeRefused, refusal.message)),
+        Err(refusal) => Err(Failure::of_node(&refusal.message)),
     }
 }

@@ -21,6 +21,7 @@ mod local;
 mod manual;
 mod mdi;
 mod node;
+mod node_message;
 mod operate;
 mod output_file;
 mod page;

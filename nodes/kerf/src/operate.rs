@@ -7,6 +7,7 @@ use crate::ctrl_c::CtrlC;
 use crate::exit::{CommandResult, Failure, Status};
 use crate::load::load_file;
 use crate::local;
+use crate::node_message::with_commands;
 use crate::resume;
 use crate::words::from_one;
 use axis_driver::protocol::Wish;
@@ -323,7 +324,7 @@ pub(crate) async fn begin_or_refused<A: Action + 'static>(
                 }
             });
             let (reason, error_code) = reason.await.unwrap_or_else(|_| (error.to_string(), 0));
-            Err(Refused { error_code, failure: Failure::new(Status::NodeRefused, reason) })
+            Err(Refused { error_code, failure: Failure::of_node(&reason) })
         }
         Err(error) => Err(Failure::new(Status::NodeRefused, error.to_string()).into()),
     }
@@ -346,10 +347,10 @@ pub(crate) async fn canceled(
 pub(crate) fn said(success: bool, message: String) -> CommandResult {
     match success {
         true => {
-            println!("{message}");
+            println!("{}", with_commands(&message));
             Ok(())
         }
-        false => Err(Failure::new(Status::NodeRefused, message)),
+        false => Err(Failure::of_node(&message)),
     }
 }
 
@@ -407,7 +408,7 @@ pub(crate) async fn run_goal(
         Ok(result)
     } else {
         bar.abandon();
-        Err(Failure::new(Status::NodeRefused, end_text(&result)))
+        Err(Failure::of_node(&end_text(&result)))
     }
 }
 

@@ -230,11 +230,7 @@ async fn planned_start(
         _ => ((line, occurrence), answer),
     };
     let message = one_line(&answer.message).into_owned();
-    if answer.success {
-        Ok((start, message))
-    } else {
-        Err(Failure::new(Status::NodeRefused, message))
-    }
+    if answer.success { Ok((start, message)) } else { Err(Failure::of_node(&message)) }
 }
 
 /// What the planner says of a start.
@@ -262,7 +258,7 @@ async fn checked(node: &Handle, goal: RunProgramGoal) -> Result<String, Refused>
         return Ok(message);
     }
     let error_code = result.error_code;
-    let failure = Failure::new(Status::NodeRefused, format!("{message} (error {error_code})"));
+    let failure = Failure::of_node(&format!("{message} (error {error_code})"));
     Err(Refused { error_code, failure })
 }
 

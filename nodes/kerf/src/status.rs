@@ -3,6 +3,7 @@
 use crate::exit::CommandResult;
 use crate::latched::{LATCHED_WITHIN, newest, newest_there};
 use crate::local::over_ros_or_locally;
+use crate::node_message::with_commands;
 use crate::operate::no_answer;
 use crate::plan_machine::duration;
 use axis_driver::protocol::Wish;
@@ -54,7 +55,7 @@ pub(crate) fn run(ros_args: &[String]) -> CommandResult {
         if let Some(result) =
             newest_there(&mut results, |it| (it.stamp.sec, it.stamp.nanosec)).await
         {
-            println!("  last run {}", run_result::of_message(&result));
+            println!("  last run {}", with_commands(&run_result::of_message(&result).to_string()));
         }
         if let Some(mismatch) = node.other_middleware() {
             println!("  {mismatch}");
@@ -98,8 +99,8 @@ fn program_and_line(state: &MachineState, loaded: Option<&Program>) -> String {
 /// The state for people: millimetres, without unknown values.
 fn describe(state: &MachineState, loaded: Option<&Program>) -> String {
     let mode = mode_from_wire(state.state).name();
-    let reason = intake::text::one_line(&state.reason);
-    let mut text = match reason.as_ref() {
+    let reason = with_commands(&intake::text::one_line(&state.reason));
+    let mut text = match reason.as_str() {
         "" => format!("{mode}\n"),
         reason if reason.starts_with(mode) => format!("{reason}\n"),
         reason => format!("{mode}: {reason}\n"),
@@ -117,7 +118,7 @@ fn describe(state: &MachineState, loaded: Option<&Program>) -> String {
         text += "  position not known\n";
     }
     if state.needs_reset {
-        text += "  blocked until soft_reset (kerf reset)\n";
+        text += "  blocked until `kerf reset`\n";
     }
     if state.motion_possible {
         text += "  the machine may be moving\n";

@@ -163,7 +163,7 @@ fn jogs_zeros_overrides_and_probes_are_typed() {
     // No probe is wired: the alarm says so, and nothing unlocks by itself.
     machine.kerf(&["probe", "Z-2", "--feed", "300"]).expect(4).says(&["ALARM:5", "error 319"]);
     machine.until_state("ALARM:5");
-    machine.kerf(&["jog", "X1"]).expect(4).says(&["soft_reset to go on"]);
+    machine.kerf(&["jog", "X1"]).expect(4).says(&["`kerf reset` to go on"]);
     machine.kerf(&["reset"]).expect(0);
     machine.kerf(&["unlock"]).expect(0);
     machine.kerf(&["jog", "X0", "--from", "work"]).expect(0);

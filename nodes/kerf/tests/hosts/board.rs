@@ -48,7 +48,7 @@ fn a_board_that_vanishes_from_the_network_is_unknown_and_is_held_when_it_is_back
     });
     board.ip(&format!("link set {PORT} up"));
     let held = until_status("HOLD");
-    assert!(held.contains("LINK_LOST") && held.contains("soft_reset"), "{held}");
+    assert!(held.contains("LINK_LOST") && held.contains("kerf reset"), "{held}");
     // It does not go on, whoever asks.
     assert_ne!(kerf(&["resume"]).status, 0);
     until_status("HOLD");
