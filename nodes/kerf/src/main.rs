@@ -35,6 +35,7 @@ mod stack;
 mod stack_replay;
 mod status;
 mod up;
+mod waiting;
 mod words;
 
 use clap::{Parser, Subcommand};

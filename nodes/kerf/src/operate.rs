@@ -9,20 +9,21 @@ use crate::load::load_file;
 use crate::local;
 use crate::node_message::with_commands;
 use crate::resume;
+use crate::waiting::Waits;
 use crate::words::from_one;
 use axis_driver::protocol::Wish;
 use clap::{ArgGroup, Args};
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::interface::Action;
 use cnc_msgs::wire::cnc_msgs::action::{RunProgram, RunProgramGoal, RunProgramResult};
-use cnc_msgs::wire::cnc_msgs::msg::Command;
+use cnc_msgs::wire::cnc_msgs::msg::{Command, MachineState};
 use cnc_msgs::wire::std_srvs::srv::{Trigger, TriggerRequest};
 use indicatif::{ProgressBar, ProgressStyle};
 use runtime::action::{ActionClient, CancelAnswer, GoalError, GoalHandle};
 use runtime::{CallError, Handle, NodeError, Qos, Session, Subscription};
 use std::path::PathBuf;
 use std::time::Duration;
-use tokio::time::timeout;
+use tokio::time::{Instant, sleep_until, timeout};
 
 /// A driver that runs a program is never silent for this long.
 const SILENCE: Duration = Duration::from_secs(3);
@@ -365,7 +366,8 @@ pub(crate) async fn run_goal(
     let mut handle = unless_dds_fails(node, beginning).await?;
     let (mut node, mut session) = (node.clone(), None::<Session>);
     let mut end = Box::pin(handle.result(RUN_WITHIN));
-    let mut is_silent = false;
+    let (mut states, mut waits) = (states_of(&node), Waits::default());
+    let (mut is_silent, mut heard_at) = (false, Instant::now());
     let (_, result) = loop {
         tokio::select! {
             reason = node.deaf() => {
@@ -374,13 +376,14 @@ pub(crate) async fn run_goal(
                 handle = node.action_client::<RunProgram>("run_program")?.follow(handle.id());
                 end = Box::pin(handle.result(RUN_WITHIN));
                 ctrl_c.reconnect(canceled(handle.cancel()));
+                (states, heard_at) = (states_of(&node), Instant::now());
                 session = Some(again);
             }
             asked = ctrl_c.next() => {
                 asked.inspect_err(|_| bar.abandon())?;
                 bar.suspend(|| ctrl_c.cancel(canceled(handle.cancel())));
             }
-            () = tokio::time::sleep(SILENCE), if !is_silent => {
+            () = sleep_until(heard_at + SILENCE), if !is_silent => {
                 // A restarted driver does not know the goal, so the status has to be requested.
                 is_silent = true;
                 end = Box::pin(handle.result(RUN_WITHIN));
@@ -388,9 +391,14 @@ pub(crate) async fn run_goal(
             ended = &mut end => {
                 break ended.map_err(no_result)?;
             }
+            state = next_of(&mut states) => {
+                if let Some(text) = waits.take(&state) {
+                    bar.suspend(|| eprintln!("kerf: {text}"));
+                }
+            }
             feedback = handle.feedback() => {
                 let Some(feedback) = feedback else { continue };
-                is_silent = false;
+                (is_silent, heard_at) = (false, Instant::now());
                 bar.set_position((feedback.fraction * 1000.0) as u64);
                 bar.set_message(format!(
                     "{} line {}", mode_from_wire(feedback.state).name(), feedback.line
@@ -409,6 +417,19 @@ pub(crate) async fn run_goal(
     } else {
         bar.abandon();
         Err(Failure::of_node(&end_text(&result)))
+    }
+}
+
+/// The states of the machine; none where the keys of this command do not let it read them.
+fn states_of(node: &Handle) -> Option<Subscription<MachineState>> {
+    node.subscription("machine_state", Qos::LATCHED).ok()
+}
+
+/// The next state; never comes where there are none.
+async fn next_of(states: &mut Option<Subscription<MachineState>>) -> MachineState {
+    match states {
+        Some(states) => states.next().await.0,
+        None => std::future::pending().await,
     }
 }
 

@@ -43,7 +43,13 @@ fn a_tool_is_confirmed_only_when_the_path_was_made_with_it() {
     machine.kerf(&["confirm"]).expect(4).says(&["T9 is not in the tool table"]);
     machine.kerf(&["tool", "T9", "--diameter", "3"]).expect(0);
     machine.kerf(&["confirm"]).expect(0);
-    running.join().expect("it only runs a command").expect(0).says(&["done"]);
+    // The outputs are pipes.
+    let ran = running.join().expect("it only runs a command").expect(0).says(&["done"]);
+    for tool in [2, 9] {
+        let said = format!("the run waits: TOOL_CHANGE: put in T{tool} ");
+        assert_eq!(ran.err.matches(&said).count(), 1, "{}", ran.err);
+    }
+    assert_eq!(ran.err.matches("then `kerf confirm`").count(), 2, "{}", ran.err);
 }
 
 #[test]
