@@ -15,7 +15,7 @@ mod trouble;
 
 use crate::limits::NUMBER_MAX;
 use crate::number::{self, NumberError};
-pub(crate) use arithmetic::spelled;
+pub(crate) use arithmetic::spelled_of;
 use arithmetic::{Function, Operator};
 use std::borrow::Cow;
 pub(crate) use trouble::{ExpressionError, Trouble};
@@ -78,16 +78,17 @@ pub(crate) fn target<'t>(
 
 /// Reads `<name>`, the `<` at `start`: small letters without blanks, and the first byte after `>`.
 pub(crate) fn name(text: &[u8], start: usize) -> Option<(Cow<'_, str>, usize)> {
+    let is_plain = |byte: &&u8| matches!(**byte, b'!'..=b'=' | b'?'..=b'@' | b'['..=b'~');
+    let length = 1 + text[start + 1..].iter().take_while(is_plain).count();
+    if length > 1 && text.get(start + length) == Some(&b'>') {
+        let name = std::str::from_utf8(&text[start + 1..start + length]).ok()?;
+        return Some((Cow::Borrowed(name), start + length + 1));
+    }
     let length = memchr::memchr(b'>', &text[start..])?;
     let inner = std::str::from_utf8(&text[start + 1..start + length]).ok()?;
-    let is_plain = inner.bytes().all(|byte| !byte.is_ascii_uppercase() && byte > b' ');
-    let name = if is_plain {
-        Cow::Borrowed(inner)
-    } else {
-        let letters = inner.chars().filter(|letter| !letter.is_whitespace());
-        Cow::Owned(letters.map(|letter| letter.to_ascii_lowercase()).collect())
-    };
-    (!name.is_empty()).then_some((name, start + length + 1))
+    let letters = inner.chars().filter(|letter| !letter.is_whitespace());
+    let name: String = letters.map(|letter| letter.to_ascii_lowercase()).collect();
+    (!name.is_empty()).then_some((Cow::Owned(name), start + length + 1))
 }
 
 /// The index of the first byte from `at` on that is no blank.

@@ -412,7 +412,9 @@ impl<'r> Reader<'r> {
         if self.rules.dialect.lexer.r_parameters {
             self.check_calculation(line);
         }
-        for assignment in std::mem::take(&mut self.block.assignments) {
+        // It keeps its room for the next block.
+        let mut assignments = std::mem::take(&mut self.block.assignments);
+        for assignment in assignments.drain(..) {
             if self.options.is_single_block {
                 let source = line.source(self.block.number, assignment.start, assignment.end);
                 let message = "a block by hand keeps no parameter for the next one";
@@ -444,6 +446,7 @@ impl<'r> Reader<'r> {
             self.findings.push(Finding::error(Code::BadNumber, source, message).help(help));
             self.block.is_damaged = true;
         }
+        self.block.assignments = assignments;
     }
 
     /// M98 or M99 in a program without program numbers.

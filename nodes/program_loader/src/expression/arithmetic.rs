@@ -44,8 +44,13 @@ impl Operator {
     ];
 
     /// The operator that the text begins with, and the bytes that it takes.
+    #[inline]
     pub(super) fn read(text: &[u8]) -> Option<(Self, usize)> {
-        Self::ALL.iter().find_map(|&(name, operator)| Some((operator, spelled(text, name)?)))
+        match text {
+            // Most values end with it.
+            [b']', ..] => None,
+            _ => spelled_of(&Self::ALL, text),
+        }
     }
 
     /// Higher ones are applied first; equal ones from left to right.
@@ -136,7 +141,7 @@ impl Function {
 
     /// The function that the text begins with, and the bytes that it takes.
     pub(super) fn read(text: &[u8]) -> Option<(Self, usize)> {
-        Self::ALL.iter().find_map(|&(name, function)| Some((function, spelled(text, name)?)))
+        spelled_of(&Self::ALL, text)
     }
 
     pub(super) fn name(self) -> &'static str {
@@ -211,8 +216,15 @@ fn finite(value: f64) -> Result<f64, Trouble> {
     if value.is_finite() { Ok(value) } else { Err(Trouble::NotFinite) }
 }
 
+/// What the first of these names means that the text begins with, and the bytes that it takes.
+pub(crate) fn spelled_of<T: Copy>(names: &[(&str, T)], text: &[u8]) -> Option<(T, usize)> {
+    let first = text.first()?.to_ascii_uppercase();
+    let mut likely = names.iter().filter(|(name, _)| name.as_bytes()[0] == first);
+    likely.find_map(|&(name, meaning)| Some((meaning, spelled(text, name)?)))
+}
+
 /// The bytes that a name takes at the beginning of the text, in any case and with blanks inside.
-pub(crate) fn spelled(text: &[u8], name: &str) -> Option<usize> {
+fn spelled(text: &[u8], name: &str) -> Option<usize> {
     let mut at = 0;
     for (index, letter) in name.bytes().enumerate() {
         if index > 0 {

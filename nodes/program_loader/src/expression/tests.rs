@@ -142,3 +142,22 @@ fn the_page_of_rs274_names_each_operator_and_function() {
         assert!(is_named, "{name}");
     }
 }
+
+#[test]
+fn a_name_has_small_letters_and_no_blanks_however_it_is_written() {
+    let table = [
+        ("<depth>=", Some(("depth", 7))),
+        ("<De pth>", Some(("depth", 8))),
+        ("<a<b[1]@~>", Some(("a<b[1]@~", 10))),
+        ("<gr\u{f6}\u{df}e>", Some(("gr\u{f6}\u{df}e", 9))),
+        ("<\u{c4}>", Some(("\u{c4}", 4))),
+        ("<>", None),
+        ("< \t>", None),
+        ("<depth", None),
+    ];
+    for (text, expected) in table {
+        let found = name(text.as_bytes(), 0);
+        assert_eq!(found.as_ref().map(|(name, end)| (&**name, *end)), expected, "{text}");
+    }
+    assert_eq!(name(b"<\xff>", 0), None, "it is no UTF-8");
+}

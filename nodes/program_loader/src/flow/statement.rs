@@ -155,12 +155,8 @@ pub(crate) fn read(text: &[u8]) -> Option<Result<Statement<'_>, BadStatement>> {
     let at = expression::skip_blanks(text, at);
     let end = end_of_line(text, at);
     let words = &text[at..end];
-    let found = Keyword::WRITTEN.iter().find_map(|&(word, keyword)| {
-        let length = expression::spelled(words, word)?;
-        Some((keyword, at + length))
-    });
-    let (keyword, arguments) = match found {
-        Some(found) => found,
+    let (keyword, arguments) = match expression::spelled_of(&Keyword::WRITTEN, words) {
+        Some((keyword, length)) => (keyword, at + length),
         // A program number; a block may follow it.
         None if matches!(name, Name::Known(_)) && text[start..].get(1) != Some(&b'<') => {
             (Keyword::Number, at)
