@@ -145,3 +145,29 @@ fn the_verdict_on_programs_of_many_contours_is_the_same_in_parts_of_any_size() {
     }
     assert!(accepted > 100 && refused > 100 && most > 20, "{accepted} {refused} {most}");
 }
+
+#[test]
+fn the_verdict_on_loops_and_subroutines_is_the_same_in_parts() {
+    // The side of a pocket, which a tool of 4 mm cuts, where it goes up to before each, and whether that is accepted.
+    let table = [
+        ("30", "5", true),
+        ("3.5", "5", false),
+        ("[30-26.5*[#100 EQ 10]]", "5", false),
+        ("30", "1/[10-#100]", false),
+    ];
+    let profile = settings::load_profile("rs274").expect("a shipped profile");
+    let tools = ToolTable::default();
+    for (side, lift, wanted) in table {
+        let text = format!(
+            "G21 G17 G90 G40 F1000\no1 sub\nG0 X[#1+#2/2] Y[#2/2]\nG0 Z0\nG41.1 D4 G1 Y0\nX[#1+#2]\nY#2\nX#1\nY0\n\
+             X[#1+#2/2]\nG40 G1 Y[#2/2]\nM8\no1 endsub\n#100=0\no2 while [#100 LT 12]\nG0 Z[{lift}]\n\
+             o1 call [40*#100] [{side}]\n#100=[#100+1]\no2 endwhile\nM2\n"
+        );
+        assert_eq!(accepts_whole(text.as_bytes(), &profile, &tools), wanted, "{text}");
+        for part_events in [1, 2, 7, 30] {
+            let (parts, taken) = accepts_in_parts(text.as_bytes(), &profile, &tools, part_events);
+            assert_eq!(parts, wanted, "parts of {part_events} events:\n{text}");
+            assert!(taken > 1, "{taken} parts of {part_events} events:\n{text}");
+        }
+    }
+}

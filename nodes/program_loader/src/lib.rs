@@ -198,7 +198,8 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
 /// it after each line without compensation, except for the last few, and may take all of its events. What it leaves comes
 /// again, and at last in what is returned; other fields of the contour are complete only there.
 ///
-/// Programs with loops and subroutines come whole, and from the first error on nothing is taken.
+/// From the first error on nothing is taken. Where anything was, the table of calls keeps all of its rows, because what was
+/// taken has their numbers.
 pub fn load_in_parts(
     text: &[u8],
     profile: &Profile,
@@ -292,11 +293,15 @@ pub fn load_in_parts(
     if findings.has_error() {
         return Loaded { reads_tools, ..refused(findings) };
     }
+    let is_in_parts = interpreter.has_given();
     let (contour, bounds, named_tools) = interpreter.finish();
     let findings = findings.finish();
     let mut loaded =
         Loaded { contour, findings, line_count, bounds, named_tools, left, awaits, reads_tools };
-    loaded.take_calls(calls);
+    match is_in_parts {
+        true => loaded.contour.calls = calls,
+        false => loaded.take_calls(calls),
+    }
     loaded
 }
 

@@ -124,8 +124,6 @@ impl<'r> Reader<'r> {
         take: &mut dyn FnMut(&mut ProgrammedContour),
     ) -> Read<'r> {
         let text = self.text;
-        // A loop may be read again.
-        let part_events = if self.flow.is_some() { usize::MAX } else { part_events };
         let mut cursor = Cursor { offset: 0, line: 1 };
         let mut last_line = 0;
         'jump: loop {
@@ -138,15 +136,15 @@ impl<'r> Reader<'r> {
                 let content = without_carriage_returns(whole);
                 let line = Line { number: cursor.line, text: content, call };
                 match self.line(line, cursor) {
-                    Outcome::Line if self.interpreter.event_count() >= part_events => {
-                        // Near the end it is not worth while.
-                        if text.len().saturating_sub(end) > part_events {
-                            self.give(take);
-                        }
-                    }
                     // It is read again with the rows.
                     Outcome::Line | Outcome::Jump(_) if self.interpreter.misses_tools() => {
                         break 'jump;
+                    }
+                    Outcome::Line if self.interpreter.event_count() >= part_events => {
+                        // Near the end it is not worth while; with loops nobody knows how near it is.
+                        if self.flow.is_some() || text.len().saturating_sub(end) > part_events {
+                            self.give(take);
+                        }
                     }
                     Outcome::Line => {}
                     Outcome::Jump(to) => {

@@ -201,8 +201,8 @@ impl Interpreter<'_> {
         self.axes.know(PLANE);
         let start = AXES.map(|axis| profile.start[axis]);
         let moves = turning::moves(&profile.motions, start, profile.cut, CYCLE_MOVES_MAX);
-        let moves = moves.and_then(|moves| match self.event_count() > EVENTS_MAX {
-            true => Err(Trouble::Moves { count: self.event_count() as f64 }),
+        let moves = moves.and_then(|moves| match self.all_event_count() > EVENTS_MAX {
+            true => Err(Trouble::Moves { count: self.all_event_count() as f64 }),
             false => Ok(moves),
         });
         match moves {
