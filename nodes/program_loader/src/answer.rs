@@ -16,10 +16,11 @@ pub fn refusal(name: &str, loaded: &Loaded) -> Option<String> {
     let first = errors.next()?;
     let (line, message) = (first.source.line, &first.message);
     let calls = chain_after(&first.calls);
-    Some(format!(
-        "{name} is refused: {} errors, the first: line {line}{calls}: {message}",
-        1 + errors.count()
-    ))
+    let place = format!("line {line}{calls}: {message}");
+    Some(match errors.count() {
+        0 => format!("{name} is refused: {place}"),
+        more => format!("{name} is refused: {} errors, the first: {place}", 1 + more),
+    })
 }
 
 /// The corners of the box around the programmed motion, m; without motion, the start.
@@ -52,6 +53,21 @@ pub fn first_findings(loaded: &Loaded) -> (Vec<wire::Finding>, u32) {
 mod tests {
     use super::*;
     use crate::{LoadOptions, load};
+
+    #[test]
+    fn one_error_is_not_counted() {
+        // Blocks, and why they are refused.
+        let table = [
+            ("G0 X1\n", None),
+            ("G0 X\n", Some("a.ngc is refused: line 1: `X` has no number")),
+            ("G0 X\nY\n", Some("a.ngc is refused: 2 errors, the first: line 1: `X` has no number")),
+        ];
+        let profile = settings::load_profile("rs274").expect("a profile of ours");
+        for (text, expected) in table {
+            let loaded = load(format!("{text}M2\n").as_bytes(), &profile, &LoadOptions::default());
+            assert_eq!(refusal("a.ngc", &loaded).as_deref(), expected, "{text:?}");
+        }
+    }
 
     #[test]
     fn an_axis_that_the_program_does_not_name_has_no_bounds() {

@@ -35,16 +35,16 @@ mod tests {
     #[test]
     fn a_refusal_warns_until_something_is_loaded() {
         let program = Program { name: "part.ngc".into(), line_count: 7, ..Program::default() };
-        let why = Some("bad.ngc is refused: 1 errors");
+        let why = Some("bad.ngc is refused: 2 errors");
         let table = [
             (None, None, HealthLevel::Ok, "no program is loaded"),
             (Some(&program), None, HealthLevel::Ok, "part.ngc is loaded"),
-            (None, why, HealthLevel::Warn, "bad.ngc is refused: 1 errors; no program is loaded"),
+            (None, why, HealthLevel::Warn, "bad.ngc is refused: 2 errors; no program is loaded"),
             (
                 Some(&program),
                 why,
                 HealthLevel::Warn,
-                "bad.ngc is refused: 1 errors; part.ngc is still loaded",
+                "bad.ngc is refused: 2 errors; part.ngc is still loaded",
             ),
         ];
         for (loaded, refused, level, message) in table {
