@@ -137,6 +137,8 @@ pub(crate) struct Interpreter<'r> {
     last_cubic: Option<[f64; 2]>,
     probes: Probes,
     no_effects: NoEffects,
+    /// Something has asked how cycles return: a cycle, or a parameter.
+    has_returned: Cell<bool>,
     /// A lathe cycle whose profile is being read.
     profile: Option<Box<turning::Profile>>,
 }
@@ -184,6 +186,7 @@ impl<'r> Interpreter<'r> {
             last_cubic: None,
             probes: Probes::default(),
             no_effects: NoEffects::default(),
+            has_returned: Cell::new(false),
             profile: None,
         }
     }
@@ -338,7 +341,7 @@ impl<'r> Interpreter<'r> {
         }
         self.tool_length(scene);
         self.work_offset();
-        self.retract_mode();
+        self.retract_mode(scene);
         if let Some((GWord::Offset(word), at)) = self.request.g(Group::NonModal) {
             self.offsets(scene, word, at);
         }

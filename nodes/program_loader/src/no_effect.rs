@@ -20,6 +20,16 @@ pub(crate) const RETRACT: NoEffect = NoEffect {
     because: "there are no cycles",
     help: "delete it, or leave it: no move depends on it",
 };
+/// G99 in a program without cycles. G98 says what holds anyway, and posts write it at the top.
+pub(crate) const RETRACT_TO_R: NoEffect = NoEffect {
+    because: "cycles return to R under it, and no cycle is executed",
+    help: "delete it. On lathes with a Fanuc control G99 is feed per revolution, which is G95 here",
+};
+/// Q of M66 that does not wait.
+pub(crate) const WAIT: NoEffect = NoEffect {
+    because: "M66 waits under L1 to L4, and reads the input at once without",
+    help: "delete it, or write L with what to wait for: 1 rises, 2 falls, 3 high, 4 low",
+};
 /// F and S in the profile of a lathe cycle.
 pub(crate) const PROFILE: NoEffect = NoEffect {
     because: "feed and speed of a lathe cycle are those in force at its own block",
@@ -70,15 +80,17 @@ impl NoEffects {
         }
     }
 
-    /// What is reported: a warning for each word.
-    pub(crate) fn findings(&self) -> impl Iterator<Item = Finding> {
-        self.0.iter().map(|Entry { why, first, word, count, .. }| {
-            let times = match count {
-                1 => String::new(),
-                count => format!(" ({count} times in this program)"),
-            };
-            let message = format!("{word} has no effect{times}: {}", why.because);
-            Finding::warning(Code::Unsupported, *first, message).help(why.help)
-        })
+    /// What is reported: a warning for each word, but for those with this reason.
+    pub(crate) fn findings(&self, but: Option<NoEffect>) -> impl Iterator<Item = Finding> {
+        self.0.iter().filter(move |it| Some(it.why) != but).map(
+            |Entry { why, first, word, count, .. }| {
+                let times = match count {
+                    1 => String::new(),
+                    count => format!(" ({count} times in this program)"),
+                };
+                let message = format!("{word} has no effect{times}: {}", why.because);
+                Finding::warning(Code::Unsupported, *first, message).help(why.help)
+            },
+        )
     }
 }

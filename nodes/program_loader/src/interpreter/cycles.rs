@@ -9,6 +9,7 @@ use crate::limits::{
     COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, EVENTS_MAX,
     PECK_CLEARANCE_MM, STEP_LEFT_MM,
 };
+use crate::no_effect::RETRACT_TO_R;
 use cnc_msgs::contour::{Action, MotionClass, SpindleMode};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, AxisSet, Position, Shape};
@@ -199,6 +200,7 @@ impl Interpreter<'_> {
         let is_sound = self.relies(scene, unnamed) & self.has_feed(scene, MotionClass::Feed);
         words.last = Some(cycle);
         self.modal.cycle = words;
+        self.has_returned.set(true);
         if self.request.is_damaged || !is_sound {
             self.axes.poison(end.named.union(AxisSet::NONE.with(across)));
             return;
@@ -461,9 +463,13 @@ fn is_beyond(at: f64) -> bool {
 impl Interpreter<'_> {
     /// G98 and G99.
     #[inline]
-    pub(super) fn retract_mode(&mut self) {
-        if let Some((crate::dialect::GWord::Retract { to_r }, _)) = self.request.g(Group::Retract) {
+    pub(super) fn retract_mode(&mut self, scene: &Scene<'_>) {
+        if let Some((crate::dialect::GWord::Retract { to_r }, at)) = self.request.g(Group::Retract)
+        {
             self.modal.cycle.returns_to_r = to_r;
+            if to_r {
+                self.has_no_effect(scene, at, RETRACT_TO_R);
+            }
         }
     }
 }

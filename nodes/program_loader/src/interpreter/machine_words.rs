@@ -6,6 +6,7 @@
 use super::{Interpreter, Scene};
 use crate::dialect::Letters;
 use crate::expression::whole;
+use crate::no_effect::WAIT;
 use cnc_msgs::contour::Action;
 use cnc_msgs::finding::Code;
 use cnc_msgs::text::Words;
@@ -170,6 +171,8 @@ impl Interpreter<'_> {
             let message = format!("{} waits without a time", scene.quote(at));
             let help = "write Q with the longest wait in seconds";
             self.report_at(scene, at, Code::MissingWord, message, help);
+        } else if !waits && self.request.value(b'Q') > Some(0.0) {
+            self.has_no_effect(scene, self.request.word(b'Q'), WAIT);
         }
     }
 

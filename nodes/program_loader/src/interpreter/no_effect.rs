@@ -1,7 +1,7 @@
 //! Words of a block that have no effect here.
 
 use super::{Interpreter, Scene, code_in_tenths};
-use crate::no_effect::NoEffect;
+use crate::no_effect::{NoEffect, RETRACT_TO_R};
 use cnc_msgs::finding::Finding;
 
 impl Interpreter<'_> {
@@ -22,6 +22,6 @@ impl Interpreter<'_> {
 
     /// Words that have no effect, each once.
     pub(crate) fn no_effects(&self) -> impl Iterator<Item = Finding> {
-        self.no_effects.findings()
+        self.no_effects.findings(self.has_returned.get().then_some(RETRACT_TO_R))
     }
 }

@@ -100,8 +100,10 @@ impl Interpreter<'_> {
             "_units_per_rev" => is(modal.feed_mode == super::FeedMode::PerRevolution),
             "_coord_system" => Some(Ok(f64::from(530 + 10 * u32::from(modal.work_offset)))),
             "_tool_offset" => is(modal.length.is_some()),
-            "_retract_r_plane" => is(!modal.cycle.returns_to_r),
-            "_retract_old_z" => is(modal.cycle.returns_to_r),
+            "_retract_r_plane" | "_retract_old_z" => {
+                self.has_returned.set(true);
+                is(modal.cycle.returns_to_r == (name == "_retract_old_z"))
+            }
             "_spindle_rpm_mode" => is(modal.surface.is_none()),
             "_spindle_css_mode" => is(modal.surface.is_some()),
             "_ijk_absolute_mode" => is(modal.centers == Distance::Absolute),

@@ -74,6 +74,17 @@ fn what_has_no_effect_is_reported_once_with_its_first_place_and_how_often_it_sta
         warnings(lathe, false),
         ["2+10 F has no effect (2 times in this program)", "3+11 S has no effect"]
     );
+    // G98 holds anyway; G99 is for cycles, and for whoever reads it.
+    for (text, expected) in [
+        ("G98\nG0 X1\nM2", &[][..]),
+        ("G0 X1\nG99\nG0 X2\nG99\nM2", &["2+1 G99 has no effect (2 times in this program)"]),
+        ("G99\nF100 G0 X0 Y0 Z5\nG81 X1 Y1 Z-1 R1\nM2", &[]),
+        ("G99\n#1=#<_retract_r_plane>\nM2", &[]),
+        ("M66 P0 L0 Q5\nM66 E1 Q3\nM2", &["1+11 Q5 has no effect (2 times in this program)"]),
+        ("M66 P0 L0\nM66 P0 L0 Q0\nM66 P0 L3 Q5\nM2", &[]),
+    ] {
+        assert_eq!(warnings(text, false), expected, "{text}");
+    }
     // One that is refused has other troubles, and what holds anyway is none.
     let loaded = read("G64\nG0 X\nM2");
     assert!(loaded.findings.iter().all(|it| it.is_error()), "{:?}", loaded.findings);
