@@ -106,6 +106,6 @@ pub(crate) struct Block {
     pub(crate) is_damaged: bool,
     /// Whether words after a rejected one were not read.
     pub(crate) is_cut: bool,
-    /// Whether the line has a byte that text cannot have.
-    pub(crate) is_binary: bool,
+    /// Whether nothing after the line can be read: it has a byte that text cannot have, or is of another language.
+    pub(crate) ends_reading: bool,
 }

@@ -6,6 +6,7 @@
 
 pub(crate) mod call;
 mod computed;
+mod macros;
 mod r_words;
 pub(crate) mod remark;
 
@@ -34,7 +35,7 @@ pub(crate) fn read(
     block.number = None;
     (block.start, block.end) = (0, 0);
     (block.is_optional, block.is_damaged) = (false, false);
-    (block.is_cut, block.is_binary) = (false, false);
+    (block.is_cut, block.ends_reading) = (false, false);
     block.has_remark = false;
     Lexer { line, rules, block, findings, values, at: 0, has_begun: false }.run();
 }
@@ -111,6 +112,9 @@ impl Lexer<'_> {
     #[cold]
     fn uncommon_word(&mut self, letter: u8, start: usize, digits: usize) {
         let text = self.line.text;
+        if self.rules.parameters && macros::begins(&text[start..]) {
+            return self.macro_language(start);
+        }
         if self.rules.parameters && letter != b'N' && computed::is_computed(text, digits) {
             return self.computed_word(letter, start, digits);
         }
@@ -358,7 +362,7 @@ impl Lexer<'_> {
             }
             0..0x20 | 0x7F => {
                 self.at += 1;
-                self.block.is_binary = true;
+                self.block.ends_reading = true;
                 let message = format!("byte 0x{byte:02X}: this is not the text of a part program");
                 let help = "save the program as plain text (ASCII or UTF-8)";
                 self.report(Code::Syntax, start, message, help);

@@ -160,9 +160,9 @@ impl<'r> Reader<'r> {
         self.findings.begin_block();
         if self.awaits.is_some() || self.interpreter.misses_tools() {
             // Its end is still to be read.
-        } else if self.options.is_single_block && !self.block.is_binary {
+        } else if self.options.is_single_block && !self.block.ends_reading {
             self.refuse_unless_single(last_line);
-        } else if !self.block.is_binary {
+        } else if !self.block.ends_reading {
             self.check_end(last_line);
         }
         let calls = self.flow.map(Flow::into_calls).unwrap_or_default();
@@ -210,7 +210,7 @@ impl<'r> Reader<'r> {
         }
         match self.block(line) {
             After::Block => Outcome::Line,
-            After::End if self.block.is_binary => Outcome::Stop,
+            After::End if self.block.ends_reading => Outcome::Stop,
             After::End => {
                 self.section = Section::After { end_line: line.number, is_reported: false };
                 Outcome::Line
@@ -232,7 +232,7 @@ impl<'r> Reader<'r> {
         let rules = &self.rules.dialect.lexer;
         let before = self.place();
         lexer::read(line, rules, &mut self.block, &mut self.findings, &values);
-        if self.block.is_binary {
+        if self.block.ends_reading {
             return After::End;
         }
         if self.interpreter.needs_stretch() && !self.stretch(line, before) {
@@ -369,12 +369,12 @@ impl<'r> Reader<'r> {
             After::End
                 if self.rules.dialect.lexer.programs.is_some()
                     && flow.depth() > 0
-                    && !self.block.is_binary =>
+                    && !self.block.ends_reading =>
             {
                 self.end_in_call(line)
             }
             After::End => {
-                let is_reported = self.block.is_binary;
+                let is_reported = self.block.ends_reading;
                 self.section = Section::After { end_line: line.number, is_reported };
                 Next::Line
             }
