@@ -240,17 +240,18 @@ pub fn load_in_parts(
         return refused(findings);
     }
     let has_file = rules.dialect.lexer.parameters && !options.is_single_block;
-    let section = parameter_file::values_of(text).filter(|_| has_file);
+    let section = parameter_file::section_of(text).filter(|_| has_file);
     let keeps = section.is_some();
-    let stored = section.unwrap_or_default();
+    let section = section.unwrap_or_default();
+    let stored = &section.values;
     let events = lines.min(text.len() / 4);
     let events = if part_events == usize::MAX { events } else { events.min(2 * part_events) };
     let mut interpreter = Interpreter::new(&rules, options.start, events);
-    interpreter.store(&stored, &mut findings);
+    interpreter.store(&section, &mut findings);
     interpreter.take_results(measured, options.probes_touch_at);
     interpreter.take_tools(tool_rows);
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
-    reader.store(&stored);
+    reader.store(stored);
     let Read { interpreter, parameters, mut findings, calls, awaits, deleted } =
         reader.read(part_events, take);
     if let Some(source) = awaits {
@@ -274,11 +275,11 @@ pub fn load_in_parts(
         findings.push(Finding::warning(Code::Unsupported, source, message));
     }
     let is_whole = awaits.is_none();
-    let mut left = if has_file && is_whole { parameters.left(&stored) } else { Vec::new() };
+    let mut left = if has_file && is_whole { parameters.left(stored) } else { Vec::new() };
     findings.begin_block();
     for rotated in interpreter.rotations_left().filter(|_| is_whole) {
         match keeps {
-            true => left.push(rotated.left(&stored)),
+            true => left.push(rotated.left(stored)),
             false => rotated.forgotten().into_iter().for_each(|it| findings.push(it)),
         }
     }

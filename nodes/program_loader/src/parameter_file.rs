@@ -46,6 +46,14 @@ pub(crate) struct Stored {
     pub(crate) line: u32,
 }
 
+/// The values of a parameter file at the end of a text.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Section {
+    /// Of the file.
+    pub(crate) name: String,
+    pub(crate) values: Vec<Stored>,
+}
+
 /// A parameter that a program has used.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Left {
@@ -140,7 +148,7 @@ pub fn with_parameters(
     if !crate::dialect::of(profile.language.dialect).lexer.parameters {
         return Ok(text);
     }
-    if values_of(&text).is_some() {
+    if section_of(&text).is_some() {
         return Err(BadParameterFile::Already);
     }
     let (mut rows, mut count) = (String::new(), 0);
@@ -169,7 +177,7 @@ pub fn with_parameters(
 
 /// The values that have been appended to a text, if any were. A program that has something like them is read
 /// as it is: they are the end of the text, whole, and as many as their first line says.
-pub(crate) fn values_of(text: &[u8]) -> Option<Vec<Stored>> {
+pub(crate) fn section_of(text: &[u8]) -> Option<Section> {
     let tail = &text[text.len().saturating_sub(SECTION_BYTES_MAX)..];
     let at = memchr::memmem::rfind(tail, BEGIN.as_bytes())?;
     let before = tail[..at].strip_suffix(b"\n")?.strip_suffix(APPENDED.as_bytes())?;
@@ -177,7 +185,7 @@ pub(crate) fn values_of(text: &[u8]) -> Option<Vec<Stored>> {
         return None;
     }
     let (begin, rows) = std::str::from_utf8(&tail[at..]).ok()?.split_once('\n')?;
-    let (count, _) = begin.strip_prefix(BEGIN)?.strip_suffix(')')?.split_once(", ")?;
+    let (count, name) = begin.strip_prefix(BEGIN)?.strip_suffix(')')?.split_once(", ")?;
     let first = text.len() - rows.len();
     let first_line = memchr::memchr_iter(b'\n', &text[..first]).count() as u32 + 1;
     let rows = rows.strip_suffix('\n').unwrap_or(rows).split('\n').filter(|_| !rows.is_empty());
@@ -187,7 +195,7 @@ pub(crate) fn values_of(text: &[u8]) -> Option<Vec<Stored>> {
         let (number, value) = (number.parse().ok()?, value.parse().ok()?);
         values.push(Stored { number, value, line });
     }
-    (count.parse() == Ok(values.len())).then_some(values)
+    (count.parse() == Ok(values.len())).then(|| Section { name: name.to_owned(), values })
 }
 
 /// The user's parameters that the file keeps.
@@ -222,11 +230,10 @@ mod tests {
             "G0 X1\nM2\n{APPENDED}\n{BEGIN}3, x1.var)\n(#31=0.1)\n(#5221=0.0)\n(#5400=-350.0)\n"
         );
         assert_eq!(text, wanted);
-        let values: Vec<_> = values_of(text.as_bytes())
-            .unwrap_or_default()
-            .iter()
-            .map(|it| (it.number, it.value, it.line))
-            .collect();
+        let section = section_of(text.as_bytes()).unwrap_or_default();
+        assert_eq!(section.name, "x1.var");
+        let values: Vec<_> =
+            section.values.iter().map(|it| (it.number, it.value, it.line)).collect();
         assert_eq!(values, [(31, 0.1, 5), (5221, 0.0, 6), (5400, -350.0, 7)]);
         assert_eq!(assemble(&text, "31 1"), Err(BadParameterFile::Already));
         assert_eq!(assemble("M2\x1A", "31 0").expect("good"), assemble("M2", "").expect("good"));
@@ -248,10 +255,10 @@ mod tests {
             format!("{APPENDED}\n{BEGIN}1, x\n(#100=50)\n"),
             format!("{APPENDED}\n (values{BEGIN}1, x)\n(#100=50)\n"),
         ] {
-            assert_eq!(values_of(text.as_bytes()), None, "{text}");
+            assert_eq!(section_of(text.as_bytes()), None, "{text}");
         }
         let text = format!("{APPENDED}\n{BEGIN}1, x)\n(#100=50)\n");
-        assert_eq!(values_of(text.as_bytes()).map(|it| it.len()), Some(1));
+        assert_eq!(section_of(text.as_bytes()).map(|it| it.values.len()), Some(1));
     }
 
     #[test]
@@ -341,7 +348,10 @@ mod tests {
         let longest = -f64::MIN_POSITIVE / 3.0;
         let file: String = (1..=NUMBER_MAX).map(|n| format!("{n} {longest:?}\n")).collect();
         let text = assemble("M2", &file).expect("a good file");
-        assert_eq!(values_of(text.as_bytes()).map(|it| it.len()), Some(NUMBER_MAX as usize));
+        assert_eq!(
+            section_of(text.as_bytes()).map(|it| it.values.len()),
+            Some(NUMBER_MAX as usize)
+        );
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use super::Interpreter;
 use super::turn::is_rotation;
 use crate::findings::Findings;
-use crate::parameter_file::{Stored, is_kept, is_of_the_machine};
+use crate::parameter_file::{Section, Stored, is_kept, is_of_the_machine};
 use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::further::FurtherAxes;
@@ -13,9 +13,10 @@ use cnc_msgs::geometry::{AxisSet, Position};
 impl Interpreter<'_> {
     /// Takes the values of a parameter file. Those that LinuxCNC would act on at once are refused
     /// or reported.
-    pub(crate) fn store(&mut self, values: &[Stored], findings: &mut Findings) {
+    pub(crate) fn store(&mut self, file: &Section, findings: &mut Findings) {
         findings.begin_block();
-        self.ignored(values, findings);
+        self.ignored(file, findings);
+        let Section { name, values } = file;
         for &Stored { number, value, line } in values {
             let place = Source { line, column: 1, ..Source::default() };
             if is_of_the_machine(number) {
@@ -25,7 +26,7 @@ impl Interpreter<'_> {
                 _ if is_rotation(number) && value != 0.0 => {
                     let system = (number - 5230) / 20 + 1;
                     let message = format!(
-                        "the parameter file rotates work system {system} by {value} degrees"
+                        "the parameter file {name} rotates work system {system} by {value} degrees"
                     );
                     let help = format!(
                         "if it is not meant to be, write 0 for #{number} into the file, or G10 L2 \
@@ -34,13 +35,15 @@ impl Interpreter<'_> {
                     Finding::warning(Code::SuspiciousValue, place, message).help(help)
                 }
                 5210 if value != 0.0 => {
-                    let message = "the parameter file has G92 in force, and programs begin without";
+                    let message = format!(
+                        "the parameter file {name} has G92 in force, and programs begin without"
+                    );
                     let help = "write G92 into the program if it needs it";
                     Finding::warning(Code::Unsupported, place, message).help(help)
                 }
                 5220 if value != 1.0 && value != 0.0 => {
                     let message = format!(
-                        "the parameter file selects work system {value}; programs begin in G54"
+                        "the parameter file {name} selects work system {value}; programs begin in G54"
                     );
                     let help = "write the work system into the program";
                     Finding::warning(Code::Unsupported, place, message).help(help)
@@ -53,16 +56,16 @@ impl Interpreter<'_> {
     }
 
     /// Says that there are values which no program begins with.
-    fn ignored(&self, values: &[Stored], findings: &mut Findings) {
-        let mut others = values.iter().filter(|it| !is_kept(it.number));
+    fn ignored(&self, file: &Section, findings: &mut Findings) {
+        let mut others = file.values.iter().filter(|it| !is_kept(it.number));
         let Some(first) = others.next() else { return };
         let more = match others.count() {
             0 => String::new(),
             more => format!(" and {more} more"),
         };
         let message = format!(
-            "the parameter file sets #{}{more}, which LinuxCNC does not keep: no effect",
-            first.number
+            "the parameter file {} sets #{}{more}, which LinuxCNC does not keep: no effect",
+            file.name, first.number
         );
         let source = Source { line: first.line, column: 1, ..Source::default() };
         let help = "delete them from the file; the user's parameters are #31 to #5000";

@@ -489,8 +489,8 @@ fn parameters_begin_with_the_values_of_a_parameter_file() {
             &with("M2", "5210 1\n5220 2"),
             "M2",
             &[
-                "the parameter file has G92 in force, and programs begin without",
-                "the parameter file selects work system 2; programs begin in G54",
+                "the parameter file linuxcnc.var has G92 in force, and programs begin without",
+                "the parameter file linuxcnc.var selects work system 2; programs begin in G54",
             ],
         ),
         // What the machine has stored since is not known any more.
@@ -521,7 +521,9 @@ fn parameters_begin_with_the_values_of_a_parameter_file() {
         (
             &with("M2", "7 1\n5100 2\n5400 3"),
             "M2",
-            &["the parameter file sets #7 and 2 more, which LinuxCNC does not keep: no effect"],
+            &[
+                "the parameter file linuxcnc.var sets #7 and 2 more, which LinuxCNC does not keep: no effect",
+            ],
         ),
     ]);
     let loaded = read(&with("G0 X1\n", "31 1"));
@@ -532,7 +534,7 @@ fn parameters_begin_with_the_values_of_a_parameter_file() {
     let left: Vec<_> =
         loaded.left.iter().map(|it| (it.number, it.began, it.value, it.is_read)).collect();
     assert_eq!(left, [(5230, 0.0, 30.0, true), (5250, 0.0, 5.0, false)]);
-    let rotated = "the parameter file rotates work system 1 by 90 degrees";
+    let rotated = "the parameter file linuxcnc.var rotates work system 1 by 90 degrees";
     check(&[(&with("G0 X1 Y0\nM2", "5230 90"), "rapid X0 Y1 Z0 named XY; M2", &[rotated])]);
 }
 
