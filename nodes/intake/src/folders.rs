@@ -29,6 +29,11 @@ pub enum LookupError {
          or send the text"
     )]
     NoFolders { name: String, parameter: &'static str },
+    #[error(
+        "{name} is a link that leads out of the folders from which files are read: {folders} (parameter {parameter}); \
+         copy the file there, or name its folder, too"
+    )]
+    Link { name: String, folders: String, parameter: &'static str },
     #[error("there is no {name} in {folders} (parameter {parameter})")]
     Missing { name: String, folders: String, parameter: &'static str },
     #[error(
@@ -37,6 +42,16 @@ pub enum LookupError {
     Hidden { name: String },
     #[error("cannot read {name}: {error}")]
     Read { name: String, error: ReadError },
+}
+
+impl LookupError {
+    /// Why a file that is there was not read; `None` if there is none.
+    pub fn of_a_file(&self) -> Option<String> {
+        match self {
+            Self::NoFolders { .. } | Self::Missing { .. } => None,
+            _ => Some(self.to_string()),
+        }
+    }
 }
 
 impl Folders {
@@ -101,7 +116,11 @@ impl Folders {
             }
             return open_below(root, rest).map_err(|error| self.unreadable(name, error));
         }
+        // Of a longer way nobody learns what there is outside.
+        let is_plain =
+            matches!(Path::new(name).components().collect::<Vec<_>>()[..], [Component::Normal(_)]);
         Err(match leads_outside || !may_be_inside {
+            true if is_plain => LookupError::Link { name: shown, folders, parameter },
             true => LookupError::Outside { name: shown, folders, parameter },
             false => LookupError::Missing { name: shown, folders, parameter },
         })
@@ -237,7 +256,7 @@ mod tests {
             ("other".into(), Ok("G3")),
             (shop.at("parts/a.ngc"), Ok("G1")),
             (shop.at("more/../parts/a.ngc"), Ok("G1")),
-            ("out".into(), Err("in none of the folders")),
+            ("out".into(), Err("is a link that leads out of the folders")),
             ("../secret".into(), Err("in none of the folders")),
             ("../no-such".into(), Err("in none of the folders")),
             ("sub/../../secret".into(), Err("in none of the folders")),
@@ -276,6 +295,15 @@ mod tests {
         let none = Folders::new([], "control_directories").read("a.yaml", MOST);
         let error = none.expect_err("no folders").to_string();
         assert!(error.contains("control_directories"), "{error}");
+    }
+
+    #[test]
+    fn a_file_that_is_there_and_not_read_has_a_reason() {
+        let shop = Shop::new();
+        let why = |name: &str| shop.folders.read(name, MOST).expect_err("not read").of_a_file();
+        assert_eq!(why("d.ngc"), None);
+        assert!(why("out").is_some_and(|it| it.contains("leads out")));
+        assert!(why("sub").is_some_and(|it| it.contains("a folder")));
     }
 
     #[test]

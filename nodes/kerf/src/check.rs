@@ -11,7 +11,6 @@ use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use compensation_planner::Planning;
 use program_loader::LoadOptions;
-use program_loader::limits::PROGRAM_BYTES_MAX;
 use program_loader::subroutines::with_subroutines;
 use replay::path_distance::{PathDistance, between};
 use report::json;
@@ -91,9 +90,8 @@ pub(crate) fn run(args: &CheckArgs) -> CommandResult {
     let mut results = Vec::new();
     for name in names {
         let profile = files::profile(&name)?;
-        let text = with_subroutines(text.clone(), &profile, |name| {
-            folders.read(name, PROGRAM_BYTES_MAX as u64).ok()
-        });
+        let text =
+            with_subroutines(text.clone(), &profile, |name| files::subroutine(&folders, name));
         let planned = Planned::new(&text, &profile, &tools, &options, Planning::default());
         planned.keep_disagreement(&files::file_name(&args.file), &text);
         results.push(ControlResult { named: name, profile, planned });

@@ -42,6 +42,11 @@ pub(crate) fn subroutines(folders: &[String]) -> Result<Folders, Failure> {
     }
 }
 
+/// The text of a subroutine file, or why one that is there cannot be read.
+pub(crate) fn subroutine(folders: &Folders, name: &str) -> Result<Vec<u8>, Option<String>> {
+    folders.read(name, PROGRAM_BYTES_MAX as u64).map_err(|error| error.of_a_file())
+}
+
 /// A control profile by name, or from a file.
 pub(crate) fn profile(name_or_path: &str) -> Result<Profile, Failure> {
     settings::load_profile(name_or_path).map_err(Failure::usage)

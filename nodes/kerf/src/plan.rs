@@ -23,7 +23,7 @@ use compensation_planner::node::disagreement;
 use compensation_planner::node::threads::Threads;
 use compensation_planner::verdict::Disagreement;
 use compensation_planner::{Planning, Start, Verdict, judge, start};
-use program_loader::limits::{COORDINATE_MM_MAX, PROGRAM_BYTES_MAX};
+use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::subroutines::with_subroutines;
 use program_loader::tool_rows::load_with_tools;
 use program_loader::{LoadOptions, Loaded};
@@ -93,8 +93,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let mut profile = files::profile(&args.control)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
     let folders = files::subroutines(&args.subroutines)?;
-    let text =
-        with_subroutines(text, &profile, |name| folders.read(name, PROGRAM_BYTES_MAX as u64).ok());
+    let text = with_subroutines(text, &profile, |name| files::subroutine(&folders, name));
     let text = match &args.parameters {
         Some(path) => files::with_parameters(text, &profile, path)?,
         None => text,

@@ -14,11 +14,12 @@ use crate::findings::Findings;
 use crate::limits::FlowLimits;
 use crate::line::Line;
 use crate::parameters::ARGUMENTS;
-use crate::subroutines::{file_starts, is_file_name};
+use crate::subroutines::{file_starts, is_file_name, unread_file};
 use cnc_msgs::calls::Calls;
 use cnc_msgs::finding::{Code, Finding};
+use map::line_at;
+pub(crate) use map::shown;
 pub(crate) use map::{Cursor, FlowMap};
-use map::{line_at, shown};
 pub(crate) use programs::no_program;
 use running::{Call, Frame, Loop};
 pub(crate) use scene::World;
@@ -324,6 +325,9 @@ impl<'t> Flow<'t> {
 
     /// What is wrong with a call of a subroutine that there is not, and what to do.
     fn no_subroutine(&self, name: &str) -> (String, String) {
+        if let Some(unread) = unread_file(self.text, name) {
+            return unread;
+        }
         let what = shown(name);
         let here = format!("write o{what} sub ... o{what} endsub into the program");
         if file_starts(self.text).iter().any(|(_, file, _)| file == name) {

@@ -244,7 +244,8 @@ impl Loader {
                 .or_else(|error: UnknownReaction| refuse(W::INVALID_REQUEST, error))?;
         }
         let text = with_subroutines(text, &profile, |name| {
-            self.subroutines.read(name, PROGRAM_BYTES_MAX as u64).ok()
+            let file = self.subroutines.read(name, PROGRAM_BYTES_MAX as u64);
+            file.map_err(|error| error.of_a_file())
         });
         let text = match &self.parameter_file {
             Some(file) => file.append(text, &profile)?,

@@ -24,6 +24,7 @@ use crate::no_effect::NoEffects;
 use crate::parameter_file::Stored;
 use crate::parameters::{CannotSet, Parameters};
 use crate::rules::Rules;
+use crate::subroutines::unread_file;
 use crate::values::Values;
 use cnc_msgs::calls::Calls;
 use cnc_msgs::contour::{ProgrammedContour, Source};
@@ -452,10 +453,11 @@ impl<'r> Reader<'r> {
     fn no_program(&mut self, line: Line<'_>, after: After) -> Outcome {
         let programs = self.rules.dialect.lexer.programs;
         if let After::Call { program, .. } = after {
-            let (message, help) = match programs {
+            let unread = unread_file(self.text, &program.to_string());
+            let (message, help) = unread.unwrap_or_else(|| match programs {
                 Some(programs) => programs.missing(program),
                 None => no_program(program),
-            };
+            });
             let source = line.source(self.block.number, self.block.start, self.block.end);
             self.findings.push(Finding::error(Code::Syntax, source, message).help(help));
         } else if let After::Profile(number) = after {

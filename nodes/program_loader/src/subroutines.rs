@@ -8,23 +8,24 @@
 use crate::block::{Block, LexerRules, Word};
 use crate::expression::{Lookup, Trouble, whole};
 use crate::findings::Findings;
-use crate::flow::FlowMap;
+use crate::flow::{FlowMap, shown};
 use crate::lexer;
 use crate::limits::{APPENDED, LIBRARY_FILES_MAX, LINE_BYTES_MAX, PROGRAM_BYTES_MAX};
 use crate::line::Line;
 use cnc_msgs::profile::Profile;
+use intake::text::one_line;
 use std::collections::BTreeSet;
 
 /// Appends the files of all subroutines that the program, or a file that was appended, calls and
 /// does not define.
 ///
 /// `read` gives the text of a file: `pocket.ngc` of `o<pocket> call`, `10.nc` of `M98 P10`; small
-/// letters, digits, `_` and `-`. A call of another name, or one that it has no text for, is left as it is; the loader
-/// reports it when the program comes to it.
+/// letters, digits, `_` and `-`. Or it says why a file that is there cannot be read; nothing where there is none. A call of
+/// another name, or one that it has no text for, is left as it is; the loader reports it when the program comes to it.
 pub fn with_subroutines(
     text: Vec<u8>,
     profile: &Profile,
-    mut read: impl FnMut(&str) -> Option<Vec<u8>>,
+    mut read: impl FnMut(&str) -> Result<Vec<u8>, Option<String>>,
 ) -> Vec<u8> {
     let mut text = text;
     let rules = &crate::dialect::of(profile.language.dialect).lexer;
@@ -46,7 +47,7 @@ pub fn with_subroutines(
         };
         let file_name = format!("{name}.{ending}");
         if asked.len() < LIBRARY_FILES_MAX
-            && let Some(file) = read(&file_name)
+            && let Some(file) = read(&file_name).or_else(unread).ok()
             && text.len() + file.len() < PROGRAM_BYTES_MAX
         {
             // What ends a text ends a file as well.
@@ -68,6 +69,25 @@ pub fn with_subroutines(
         }
         asked.insert(name);
     }
+}
+
+/// What stands for a file that is there and cannot be read.
+const UNREAD: &str = ";not read: ";
+
+/// A text that says why a file cannot be read, if there is one.
+fn unread(why: Option<String>) -> Result<Vec<u8>, ()> {
+    let why = why.ok_or(())?;
+    Ok(format!("{UNREAD}{}\n", one_line(&why)).into_bytes())
+}
+
+/// What is wrong with a file that is there and was not read, and what to do. `name`: without ending.
+pub(crate) fn unread_file(text: &[u8], name: &str) -> Option<(String, String)> {
+    let files = all_file_starts(text);
+    let &(start, _, end) = files.iter().find(|(_, file, _)| file == name)?;
+    let lines = String::from_utf8_lossy(&text[start..end]);
+    let why = lines.lines().nth(1)?.strip_prefix(UNREAD)?;
+    let help = "put the file itself there, and load the program again";
+    Some((format!("O{} is in a file that was not read: {why}", shown(name)), help.to_owned()))
 }
 
 /// The numbers of the programs that a text calls, found once in what is appended to it as well.
@@ -165,9 +185,18 @@ impl Lookup for NoValues {
     }
 }
 
-/// Where each appended file begins: the offset of the line before it, its name without ending, and
+/// Where each appended file begins that was read: the offset of the line before it, its name without ending, and
 /// the offset of the first byte after it.
 pub(crate) fn file_starts(text: &[u8]) -> Vec<(usize, String, usize)> {
+    let mut files = all_file_starts(text);
+    files.retain(|&(start, _, end)| {
+        !text[after_lines(text, start, 1)..end].starts_with(UNREAD.as_bytes())
+    });
+    files
+}
+
+/// The same, with those that were not read.
+fn all_file_starts(text: &[u8]) -> Vec<(usize, String, usize)> {
     let mut starts = Vec::new();
     let appended = memchr::memmem::find_iter(text, APPENDED).find(|&at| {
         let is_begin = at == 0 || text[at - 1] == b'\n';
@@ -262,8 +291,8 @@ mod tests {
         let mut asked = Vec::new();
         let text = with_subroutines(text.as_bytes().to_vec(), &profile, |name| {
             asked.push(name.to_owned());
-            let file = files.iter().find(|(of, _)| Some(*of) == name.strip_suffix(".ngc"))?;
-            Some(file.1.as_bytes().to_vec())
+            let file = files.iter().find(|(of, _)| Some(*of) == name.strip_suffix(".ngc"));
+            file.map(|file| file.1.as_bytes().to_vec()).ok_or(None)
         });
         let mut once = asked.clone();
         once.dedup();
@@ -347,6 +376,40 @@ mod tests {
             assemble(&ended, &files),
             format!("{main}{APPENDED}\n(file a.ngc, 4 lines)\n{both}")
         );
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_is_named_where_it_is_called() {
+        let why = "it is a link\nout of here";
+        let table = [
+            (
+                "rs274",
+                "o<pocket> call\nM2\n",
+                "O<pocket> is in a file that was not read: it is a link",
+            ),
+            ("rs274", "M98 P10\nM2\n", "O10 is in a file that was not read: it is a link"),
+            (
+                "rs274",
+                "G0 X1\nM98 P10\no1 sub\no1 endsub\nM2\n",
+                "O10 is in a file that was not read",
+            ),
+            ("masso", "M98 P10\nM30\n", "O10 is in a file that was not read: it is a link"),
+        ];
+        for (control, text, wanted) in table {
+            let profile = settings::load_profile(control).expect("a shipped profile");
+            let read = |reason: Option<&str>| {
+                let reason = reason.map(str::to_owned);
+                let text = with_subroutines(text.into(), &profile, |_| Err(reason.clone()));
+                let loaded = crate::load(&text, &profile, &crate::LoadOptions::default());
+                (text, loaded.findings.iter().map(|it| it.message.clone()).collect::<Vec<_>>())
+            };
+            let (_, found) = read(Some(why));
+            assert!(found.len() == 1 && found[0].starts_with(wanted), "{control}: {found:?}");
+            // Where there is no file, the text stays as it is.
+            let (same, found) = read(None);
+            assert_eq!(same, text.as_bytes());
+            assert!(found[0].starts_with("there is no "), "{control}: {found:?}");
+        }
     }
 
     #[test]

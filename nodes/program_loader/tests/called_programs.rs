@@ -16,8 +16,8 @@ const SIEMENS: &str = "sinumerik_840c";
 fn loaded(control: &str, text: &str, files: &[(&str, &str)]) -> (Loaded, String) {
     let profile = profile(control);
     let text = with_subroutines(text.as_bytes().to_vec(), &profile, |name| {
-        let file = files.iter().find(|(of, _)| *of == name)?;
-        Some(file.1.as_bytes().to_vec())
+        let file = files.iter().find(|(of, _)| *of == name).ok_or(None)?;
+        Ok(file.1.as_bytes().to_vec())
     });
     let loaded = load(&text, &profile, &LoadOptions::default());
     (loaded, String::from_utf8(text).expect("text"))

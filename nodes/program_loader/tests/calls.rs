@@ -135,7 +135,7 @@ fn an_error_is_drawn_with_its_calls_and_the_file_it_is_in() {
     let main = "G0 X0\no<pocket> call [0]\nM2\n";
     let profile = profile("rs274");
     let text = with_subroutines(main.as_bytes().to_vec(), &profile, |name| {
-        (name == "pocket.ngc").then(|| pocket.as_bytes().to_vec())
+        (name == "pocket.ngc").then(|| pocket.as_bytes().to_vec()).ok_or(None)
     });
     let loaded = load(&text, &profile, &LoadOptions::default());
     let text = String::from_utf8_lossy(&text);

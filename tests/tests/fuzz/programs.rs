@@ -265,7 +265,7 @@ pub(crate) fn check_calls(profiles: &[Profile], random: &mut Random) -> bool {
     }
     let profile = random.of(profiles).clone();
     let text = with_subroutines(text.into_bytes(), &profile, |name| {
-        name.starts_with('1').then(|| file.clone().into_bytes())
+        name.starts_with('1').then(|| file.clone().into_bytes()).ok_or(None)
     });
     loaded_and_planned(&text, &profile, random)
 }

@@ -10,7 +10,7 @@ use crate::block::Programs;
 use crate::findings::Findings;
 use crate::limits::NUMBER_DIGITS;
 use crate::line::Line;
-use crate::subroutines::file_starts;
+use crate::subroutines::{file_starts, unread_file};
 use cnc_msgs::finding::{Code, Finding};
 use std::collections::BTreeSet;
 
@@ -223,13 +223,15 @@ impl Flow<'_> {
     ) -> Next {
         let name = program.to_string();
         let Some(&entry) = self.map.programs.get(name.as_str()) else {
-            let (message, help) = match self.programs {
-                Some(programs) => programs.missing(program),
-                None if self.map.subs.contains_key(name.as_str()) => (
+            let unread = unread_file(self.text, &name);
+            let (message, help) = match (self.programs, unread) {
+                (_, Some(unread)) => unread,
+                (Some(programs), None) => programs.missing(program),
+                (None, None) if self.map.subs.contains_key(name.as_str()) => (
                     format!("O{program} is a subroutine, not a program"),
                     format!("call it with o{program} call"),
                 ),
-                None => no_program(program),
+                (None, None) => no_program(program),
             };
             let source = line.source(None, 0, usize::MAX);
             world.findings.push(Finding::error(Code::Syntax, source, message).help(help));
