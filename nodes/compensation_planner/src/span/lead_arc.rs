@@ -4,7 +4,9 @@
 //! tangent to it. Both have the same turn. Where there is no such arc, `rules` refuses the program.
 
 use crate::geometry::element::{Arc, swept};
-use crate::geometry::tolerance::{LEAD_ARC_RADIUS_MM_MAX, LENGTH_MM, RADIUS_MM};
+use crate::geometry::tolerance::{
+    LEAD_ARC_GROWTH_MAX, LEAD_ARC_RADIUS_MM_MAX, LENGTH_MM, RADIUS_MM,
+};
 use std::f64::consts::TAU;
 
 /// Why no arc leads to the offset of a programmed one.
@@ -14,8 +16,9 @@ pub(crate) enum NoLeadArc {
     FullCircle,
     /// Its ends are nearer to each other than the radius of the tool: the tool would cut its end.
     Short { chord_mm: f64 },
-    /// The tool runs inside of it, and is too large.
-    Inside { radius_mm_limit: f64 },
+    /// The tool runs inside of it, and is too large. Above `wanted_mm` an arc of the same angle leads it well
+    /// ([`radius_of_angle`]).
+    Inside { radius_mm_limit: f64, wanted_mm: f64 },
 }
 
 /// The lead of a programmed arc at a signed offset. Its offset by `d_mm` is the path of the tool, from
@@ -37,7 +40,8 @@ pub(crate) fn lead_arc(programmed: &Arc, d_mm: f64) -> Result<Arc, NoLeadArc> {
     if beside_mm > 0.0 {
         let radius_mm_limit = largest_inside(radius, inside_mm);
         if beside_mm >= radius_mm_limit - RADIUS_MM {
-            return Err(NoLeadArc::Inside { radius_mm_limit });
+            let wanted_mm = radius_of_angle(programmed, beside_mm);
+            return Err(NoLeadArc::Inside { radius_mm_limit, wanted_mm });
         }
     }
     let squared = chord_mm * chord_mm + beside_mm * (beside_mm - 2.0 * inside_mm);
@@ -62,6 +66,16 @@ fn largest_inside(radius: f64, inside_mm: f64) -> f64 {
     // Where the tool is nearly at the tangent, its arc is nearly straight.
     let straight = inside_mm * (2.0 * radius - inside_mm) / (2.0 * LEAD_ARC_RADIUS_MM_MAX);
     radius.min(inside_mm - straight)
+}
+
+/// The radius above which an arc of the same angle leads a tool of this radius along its inside, and grows to no more than
+/// [`LEAD_ARC_GROWTH_MAX`]. An arc with the same ends and a larger radius turns less, and may lead no tool at all.
+pub(crate) fn radius_of_angle(programmed: &Arc, tool_mm: f64) -> f64 {
+    // The lead has the radius (2 i r^2 - t^2) / (2 (i r - t)), i of which the start is on the inner side of the tangent.
+    let inside = (programmed.from - programmed.to).norm_squared() / 2.0;
+    let more = LEAD_ARC_GROWTH_MAX - 1.0;
+    let root = (LEAD_ARC_GROWTH_MAX.powi(2) - 2.0 * more * inside).max(0.0).sqrt();
+    tool_mm.max(tool_mm * (LEAD_ARC_GROWTH_MAX + root) / (2.0 * more * inside))
 }
 
 #[cfg(test)]
@@ -140,7 +154,7 @@ mod tests {
         // A sixth of a circle: 10 mm on the inner side.
         let sixth = arc([0.0, 20.0], 20.0, -90.0, 60.0);
         let limit = |of| match lead_arc(&sixth, of) {
-            Err(NoLeadArc::Inside { radius_mm_limit }) => radius_mm_limit,
+            Err(NoLeadArc::Inside { radius_mm_limit, .. }) => radius_mm_limit,
             other => panic!("{other:?}"),
         };
         assert!((limit(10.0) - 10.0).abs() < 1e-3 && limit(10.0) < 10.0);
@@ -168,6 +182,29 @@ mod tests {
     }
 
     proptest! {
+        /// What the refusal advises: a larger arc of the same angle, or half a circle. A smaller one is not enough.
+        #[test]
+        fn a_larger_arc_of_the_same_angle_leads_the_tool(
+            radius in 0.01..1e3_f64,
+            sweep in prop_oneof![-719.0..-0.1_f64, 0.1..719.0_f64],
+            part in 0.0..5.0_f64,
+        ) {
+            let d_mm = (part * radius).min(500.0) * sweep.signum();
+            let leads = |radius: f64, sweep: f64| {
+                let programmed = arc([5.0, -7.0], radius, 30.0, sweep);
+                lead_arc(&programmed, d_mm).is_ok_and(|it| it.radius <= LEAD_ARC_GROWTH_MAX * radius)
+            };
+            let refused = lead_arc(&arc([5.0, -7.0], radius, 30.0, sweep), d_mm);
+            if let Err(NoLeadArc::Inside { wanted_mm, .. }) = refused {
+                if wanted_mm < 1e5 {
+                    prop_assert!(leads(wanted_mm * (1.0 + 1e-6) + 1e-8, sweep), "{wanted_mm}");
+                    prop_assert!(!leads(wanted_mm * (1.0 - 1e-6) - 1e-8, sweep), "{wanted_mm}");
+                }
+                let half = 180.0 * sweep.signum();
+                prop_assert!(leads(d_mm.abs() * (1.0 + 1e-6) + 1e-8, half));
+            }
+        }
+
         /// Whatever the arc: it starts at the tool, ends at a tangent, and comes to the programmed end as
         /// near as the radius and nowhere nearer.
         #[test]

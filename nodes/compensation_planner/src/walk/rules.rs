@@ -82,7 +82,7 @@ impl Rules<'_> {
             && run.radius > LEAD_ARC_GROWTH_MAX * arc.radius
         {
             let run_mm = run.radius - d_mm * run.turn;
-            found = Some(grown_lead_arc(lead.source, arc.radius, run_mm));
+            found = Some(grown_lead_arc(lead.source, &arc, run_mm, d_mm.abs()));
         }
         self.findings.extend(found.map(|mut finding| {
             finding.position = Some(lead.motion.end);

@@ -2,9 +2,9 @@
 
 use super::of;
 use crate::check::finding::{block_name, rounded_down};
-use crate::geometry::element::{Element, Vec2};
+use crate::geometry::element::{Arc, Element, Vec2};
 use crate::geometry::tolerance::{MERGE_MM, RADIUS_MM};
-use crate::span::lead_arc::NoLeadArc;
+use crate::span::lead_arc::{NoLeadArc, radius_of_angle};
 use cnc_msgs::contour::{Motion, Source};
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::{AXIS_LETTERS, Direction, Plane, Shape};
@@ -206,11 +206,11 @@ pub(crate) fn no_lead_arc(source: Source, why: NoLeadArc, d_mm: f64) -> Finding 
                      apart than the radius of {radius} mm"
                 ),
             )
-            .help(format!("make the arc larger, use a smaller tool, or {straight}"));
+            .help(format!("move its start away from its end, use a smaller tool, or {straight}"));
             (finding.needed_mm, finding.available_mm) = (Some(radius_mm), Some(chord_mm));
             finding
         }
-        NoLeadArc::Inside { radius_mm_limit } => {
+        NoLeadArc::Inside { radius_mm_limit, wanted_mm } => {
             let [limit, radius] = with_enough_digits(radius_mm_limit, radius_mm);
             let mut finding = Finding::error(
                 Code::LeadType,
@@ -220,23 +220,36 @@ pub(crate) fn no_lead_arc(source: Source, why: NoLeadArc, d_mm: f64) -> Finding 
                      inside; this one has {radius} mm"
                 ),
             )
-            .help(format!("make the arc larger, use a smaller tool, or {straight}"));
+            .help(format!("{}, use a smaller tool, or {straight}", larger_arc(wanted_mm, radius_mm)));
             (finding.needed_mm, finding.available_mm) = (Some(radius_mm), Some(radius_mm_limit));
             finding
         }
     }
 }
 
+/// The arc that leads a tool along its inside: one of the same angle, unless it would be huge. With the same ends a
+/// larger one may be worse.
+fn larger_arc(wanted_mm: f64, radius_mm: f64) -> String {
+    const HUGE: f64 = 10.0;
+    let (arc, least) = match wanted_mm < HUGE * radius_mm {
+        true => ("an arc of the same angle", wanted_mm),
+        false => ("half a circle", radius_mm),
+    };
+    format!("make it {arc} with a radius of at least {:.3} mm", (least * 1e3).floor() / 1e3 + 1e-3)
+}
+
 /// An arc that leads to its offset as one that is much larger.
-pub(crate) fn grown_lead_arc(source: Source, programmed_mm: f64, run_mm: f64) -> Finding {
+pub(crate) fn grown_lead_arc(source: Source, arc: &Arc, run_mm: f64, radius_mm: f64) -> Finding {
+    let programmed_mm = arc.radius;
     let [programmed, run] = with_enough_digits(programmed_mm, run_mm);
     let message = format!(
         "the lead-on is an arc with a radius of {programmed} mm, and the centre of this tool runs one with \
          {run} mm"
     );
-    Finding::warning(Code::LeadType, source, message).help(
-        "make the arc larger, use a smaller tool, or put a straight move in the plane before the arc",
-    )
+    let larger = larger_arc(radius_of_angle(arc, radius_mm), radius_mm);
+    Finding::warning(Code::LeadType, source, message).help(format!(
+        "{larger}, use a smaller tool, or put a straight move in the plane before the arc"
+    ))
 }
 
 /// An arc as the first move of a tip.
