@@ -5,7 +5,7 @@ use axis_driver::driver::{CheckTravel, Command, DriverConfig, RunOutcome, RunReq
 use axis_driver::encoder::EncoderConfig;
 use cnc_msgs::calls::chain_after;
 use cnc_msgs::chunk::{Collector, ContourChunks, PathChunks};
-use cnc_msgs::contour::{ContourEventKind, ProgrammedContour};
+use cnc_msgs::contour::{Action, ContourEventKind, ProgrammedContour};
 use cnc_msgs::convert::WireError;
 use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::machine::Mode;
@@ -50,6 +50,19 @@ fn twice(width: f64) -> String {
          o<slot> call [0]\no<slot> call [200]\nM2\n",
         40.0 + width
     )
+}
+
+#[test]
+fn an_exact_stop_after_a_call_is_in_the_path() {
+    // The subprogram stands after the program.
+    let text = "%O1\nG90 G17 G94\nG1 X0 Y0 F100\nG9 G1 X1\nM98 P20\nG9 G1 X5\nM30\n%O20\nG9 G1 X2\nM99\n%\n";
+    let profile = settings::load_profile("nct").expect("a shipped profile");
+    let loaded = program_loader::load(text.as_bytes(), &profile, &LoadOptions::default());
+    assert!(loaded.is_accepted(), "{:#?}", loaded.findings);
+    let plan = judge(&loaded.contour, &profile, &ToolTable::default(), Planning::default()).plan;
+    assert!(plan.accepted(), "{:#?}", plan.findings);
+    let stops = plan.path.events.iter().filter(|it| it.action == Action::ExactStop);
+    assert_eq!(stops.map(|it| it.source.line).collect::<Vec<_>>(), [4, 9, 6]);
 }
 
 #[test]

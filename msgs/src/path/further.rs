@@ -70,6 +70,19 @@ impl CompensatedPath {
             _ => given,
         })
     }
+
+    /// The further axes that move, in any frame.
+    pub fn further_moved(&self) -> FurtherAxes {
+        let all = self.events.iter().enumerate();
+        all.fold(FurtherAxes::NONE, |moved, (index, event)| match event.action {
+            Action::Further(FurtherMove { axes, .. })
+                if !matches!(self.further_owner(index), Some(Action::SetWorkOffset { .. })) =>
+            {
+                axes.or(moved)
+            }
+            _ => moved,
+        })
+    }
 }
 
 #[cfg(test)]
@@ -143,6 +156,15 @@ mod tests {
         let path = path(&["A1", "G53A2", "A3"]);
         for (event, given) in [(0, " A3"), (1, " A3"), (3, " A3"), (4, "")] {
             assert_eq!(path.further_given(event, 0).words(), given, "{event}");
+        }
+    }
+
+    #[test]
+    fn an_axis_moves_in_the_frame_of_the_machine_too() {
+        for (word, moved) in
+            [("A1", true), ("G0A1", true), ("G53A1", true), ("G28A1", true), ("G10A1", false)]
+        {
+            assert_eq!(!path(&[word]).further_moved().is_empty(), moved, "{word}");
         }
     }
 }

@@ -71,8 +71,8 @@ impl Address {
                 let path = if path.is_empty() { "/" } else { path };
                 Ok(Self::WebSocket { host: host(authority, Some(HTTP_PORT))?, path: path.into() })
             }
-            "wss" | "https" => Err(no_tls(scheme, "ws")),
-            "tls" | "ssl" | "tcps" => Err(no_tls(scheme, "tcp")),
+            "wss" | "https" => Err(no_tls(scheme, "ws://", "/PATH")),
+            "tls" | "ssl" | "tcps" => Err(no_tls(scheme, "tcp://", "")),
             "telnet" => Err("telnet:// is written tcp:// here".into()),
             "http" => Err("http:// is no cable; a WebSocket is written ws://".into()),
             _ => Err(format!("{scheme}:// is not known; {FORMS}")),
@@ -81,10 +81,10 @@ impl Address {
 }
 
 /// What to do where a board or a gateway insists on encryption.
-fn no_tls(scheme: &str, plain: &str) -> String {
+fn no_tls(scheme: &str, plain: &str, path: &str) -> String {
     format!(
-        "{scheme}:// is encrypted, and the driver speaks no TLS: write {plain}:// and the plain port on a network of \
-         the machine's own, or {plain}://127.0.0.1:PORT of a TLS tunnel that runs here (stunnel, ssh -L)"
+        "{scheme}:// is encrypted, and the driver speaks no TLS: write {plain} and the plain port on a network of \
+         the machine's own, or {plain}127.0.0.1:PORT{path} of a TLS tunnel that runs here (stunnel)"
     )
 }
 
@@ -186,7 +186,7 @@ mod tests {
             ),
             (
                 "WSS://mill/ws",
-                "or ws://127.0.0.1:PORT of a TLS tunnel that runs here (stunnel, ssh -L)",
+                "or ws://127.0.0.1:PORT/PATH of a TLS tunnel that runs here (stunnel)",
             ),
             ("https://mill", "write ws://"),
             ("tls://mill:23", "or tcp://127.0.0.1:PORT of a TLS tunnel"),

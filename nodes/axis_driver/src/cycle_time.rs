@@ -91,7 +91,7 @@ impl CycleTime {
 
     /// What may make the time of this path wrong; nothing where all is known.
     pub fn doubts(limits: &MachineLimits, path: &CompensatedPath) -> Vec<String> {
-        limits.time_doubts(path.further_given(0, path.elements.len()))
+        limits.time_doubts(path.further_moved())
     }
 
     /// Before all else the axes go from here, machine frame, to the first element: up, A to W by `turn`, over,

@@ -1,7 +1,8 @@
 //! Looks up names from a peer in configured folders only.
 //!
 //! Links and `..` are resolved first. A path outside of the folders is then rejected; the
-//! message is the same whether the file exists or not.
+//! message is the same whether the file exists or not. Only of a link with a plain name in such a folder it says that it leads
+//! out, and so that its target exists.
 
 use crate::file::{self, FLAGS, ReadError};
 use crate::text::one_line;

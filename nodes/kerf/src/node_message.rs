@@ -1,5 +1,4 @@
-//! Messages of nodes for whoever sits at a terminal. Nodes name their services; here it is commands that
-//! people type.
+//! Messages of nodes for people at a terminal. Nodes name their services; people type commands.
 
 /// Services that messages name, each with its command.
 const COMMANDS: [(&str, &str); 9] = [
@@ -15,19 +14,35 @@ const COMMANDS: [(&str, &str); 9] = [
 ];
 
 /// The message with the command in place of each service: `soft_reset to go on` becomes
-/// `` `kerf reset` to go on ``. The full name of a service (`/mill/soft_reset`) stays.
+/// `` `kerf reset` to go on ``. Part of another name stays: `/mill/soft_reset`, `o<set_tool>`, `set_tool.ngc`. Texts
+/// that a program shows are not told apart.
 pub(crate) fn with_commands(message: &str) -> String {
-    let is_of_word = |character: char| character.is_alphanumeric() || "_/`".contains(character);
-    let words = message.split_inclusive(|character| !is_of_word(character));
-    let named = words.map(|part| {
-        let word = part.trim_end_matches(|character| !is_of_word(character));
-        let end = &part[word.len()..];
-        match COMMANDS.iter().find(|(service, _)| *service == word) {
-            Some((_, command)) => format!("`kerf {command}`{end}"),
-            None => part.to_owned(),
+    COMMANDS.iter().fold(message.to_owned(), |text, (service, command)| {
+        let mut named = String::new();
+        let mut rest = text.as_str();
+        while let Some(at) = rest.find(service) {
+            let (before, after) = (&rest[..at], &rest[at + service.len()..]);
+            named.push_str(before);
+            match before.ends_with(is_of_name) || continues_name(after) {
+                true => named.push_str(service),
+                false => named.push_str(&format!("`kerf {command}`")),
+            }
+            rest = after;
         }
-    });
-    named.collect()
+        named + rest
+    })
+}
+
+fn is_of_name(character: char) -> bool {
+    character.is_alphanumeric() || "_/`<>#-.\"".contains(character)
+}
+
+fn continues_name(after: &str) -> bool {
+    match after.strip_prefix('.') {
+        // The end of a sentence, or of a file's name.
+        Some(after) => after.starts_with(is_of_name),
+        None => after.starts_with(is_of_name),
+    }
 }
 
 #[cfg(test)]
@@ -57,6 +72,11 @@ mod tests {
             ("stopped by a soft reset", "stopped by a soft reset"),
             ("my_soft_reset äsoft_reset", "my_soft_reset äsoft_reset"),
             ("FEED_HOLD", "FEED_HOLD"),
+            ("use soft_reset.", "use `kerf reset`."),
+            ("in o<set_tool>, called from line 3", "in o<set_tool>, called from line 3"),
+            ("#<feed_hold> and set_tool.ngc", "#<feed_hold> and set_tool.ngc"),
+            ("soft_reset-2 \"set_tool\"", "soft_reset-2 \"set_tool\""),
+            ("`kerf reset` or soft_reset", "`kerf reset` or `kerf reset`"),
             ("", ""),
         ] {
             assert_eq!(with_commands(message), expected);

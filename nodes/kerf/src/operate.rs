@@ -362,6 +362,9 @@ pub(crate) async fn run_goal(
     bar: &ProgressBar,
 ) -> Result<RunProgramResult, Failure> {
     let mut ctrl_c = CtrlC::listen()?;
+    // While a program is checked, the machine may wait in another run.
+    let is_check = goal.check_only;
+    let states_of = |node| if is_check { None } else { states_of(node) };
     let beginning = begin::<RunProgram>(node, "run_program", goal);
     let mut handle = unless_dds_fails(node, beginning).await?;
     let (mut node, mut session) = (node.clone(), None::<Session>);

@@ -4,6 +4,7 @@ use crate::node_message::with_commands;
 use cnc_msgs::convert::mode_from_wire;
 use cnc_msgs::machine::Mode;
 use cnc_msgs::wire::cnc_msgs::msg::MachineState;
+use intake::text::one_line;
 
 /// The waits that were said.
 #[derive(Debug, Default)]
@@ -15,7 +16,8 @@ impl Waits {
     /// Takes the state of the machine during a run; gives what to say, if it is new.
     pub(crate) fn take(&mut self, state: &MachineState) -> Option<String> {
         let mode = mode_from_wire(state.state);
-        if mode == Mode::Run {
+        // A probe or a block by hand in a tool change runs, too.
+        if mode == Mode::Run && state.tool_wanted == 0 {
             self.said.clear();
         }
         let text = notice(mode, state)?;
@@ -34,13 +36,17 @@ fn notice(mode: Mode, state: &MachineState) -> Option<String> {
     }
     let todo = match mode {
         Mode::ToolChange => "then `kerf confirm`",
-        Mode::Hold => "`kerf resume` continues, `kerf abort` cancels",
-        Mode::Door => "close the door; `kerf resume` continues, `kerf abort` cancels",
+        Mode::Door if state.pins.contains('D') => {
+            "close the door, then `kerf resume`, or `kerf abort`"
+        }
+        // It says what to do.
+        Mode::Hold if state.reason.contains("resume to go on") => "`kerf resume` or `kerf abort`",
+        Mode::Hold | Mode::Door => "`kerf resume` continues, `kerf abort` cancels",
         _ => return None,
     };
     let why = match state.reason.as_str() {
         "" => mode.name().to_owned(),
-        reason => with_commands(reason),
+        reason => with_commands(&one_line(reason)),
     };
     Some(format!("the run waits: {why}; {todo}"))
 }
@@ -76,8 +82,7 @@ mod tests {
                 S::STATE_HOLD,
                 M0,
                 Some(
-                    "the run waits: PROGRAM_STOP: resume to go on (line 5); `kerf resume` continues, `kerf abort` \
-                     cancels",
+                    "the run waits: PROGRAM_STOP: resume to go on (line 5); `kerf resume` or `kerf abort`",
                 ),
             ),
             (S::STATE_HOLD, M0, None),
@@ -87,16 +92,13 @@ mod tests {
                 S::STATE_HOLD,
                 M0,
                 Some(
-                    "the run waits: PROGRAM_STOP: resume to go on (line 5); `kerf resume` continues, `kerf abort` \
-                     cancels",
+                    "the run waits: PROGRAM_STOP: resume to go on (line 5); `kerf resume` or `kerf abort`",
                 ),
             ),
             (
                 S::STATE_DOOR,
                 "",
-                Some(
-                    "the run waits: DOOR; close the door; `kerf resume` continues, `kerf abort` cancels",
-                ),
+                Some("the run waits: DOOR; `kerf resume` continues, `kerf abort` cancels"),
             ),
             (S::STATE_HOLD, "STOPPING: canceled", None),
             (S::STATE_HOLD, "RESETTING: canceled", None),
@@ -104,6 +106,25 @@ mod tests {
             let said = waits.take(&state(mode, reason));
             assert_eq!(said.as_deref(), expected, "{mode} {reason}");
         }
+    }
+
+    #[test]
+    fn a_probe_in_a_tool_change_does_not_end_the_wait() {
+        const T2: &str = "TOOL_CHANGE: put in T2 (line 3)";
+        let wanted = |mode| MachineState { tool_wanted: 2, ..state(mode, T2) };
+        let mut waits = Waits::default();
+        assert!(waits.take(&wanted(MachineState::STATE_TOOL_CHANGE)).is_some());
+        for mode in [MachineState::STATE_RUN, MachineState::STATE_TOOL_CHANGE] {
+            assert_eq!(waits.take(&wanted(mode)), None);
+        }
+    }
+
+    #[test]
+    fn an_open_door_is_to_be_closed() {
+        let open = MachineState { pins: "PD".into(), ..state(MachineState::STATE_DOOR, "") };
+        let said = Waits::default().take(&open);
+        let expected = "the run waits: DOOR; close the door, then `kerf resume`, or `kerf abort`";
+        assert_eq!(said.as_deref(), Some(expected));
     }
 
     #[test]

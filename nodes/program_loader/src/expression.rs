@@ -86,7 +86,7 @@ pub(crate) fn name(text: &[u8], start: usize) -> Option<(Cow<'_, str>, usize)> {
     }
     let length = memchr::memchr(b'>', &text[start..])?;
     let inner = std::str::from_utf8(&text[start + 1..start + length]).ok()?;
-    let letters = inner.chars().filter(|letter| !letter.is_whitespace());
+    let letters = inner.chars().filter(|letter| !matches!(letter, ' ' | '\t' | '\r'));
     let name: String = letters.map(|letter| letter.to_ascii_lowercase()).collect();
     (!name.is_empty()).then_some((Cow::Owned(name), start + length + 1))
 }

@@ -284,7 +284,7 @@ pub fn load_in_parts(
         }
     }
     // A program that is refused has other troubles.
-    let no_effects = interpreter.no_effects().chain(deleted.findings(None));
+    let no_effects = interpreter.no_effects(is_whole).chain(deleted.findings(None));
     for finding in no_effects.take(if findings.has_error() { 0 } else { usize::MAX }) {
         findings.begin_block();
         findings.push(finding);

@@ -23,13 +23,16 @@ pub(crate) const RETRACT: NoEffect = NoEffect {
 /// G99 in a program without cycles. G98 says what holds anyway, and posts write it at the top.
 pub(crate) const RETRACT_TO_R: NoEffect = NoEffect {
     because: "cycles return to R under it, and no cycle is executed",
-    help: "delete it. On lathes with a Fanuc control G99 is feed per revolution, which is G95 here",
+    help: "delete it, unless a cycle that was not executed needs it. On lathes with a Fanuc control G99 is feed per revolution, which is G95 here",
 };
 /// Q of M66 that does not wait.
 pub(crate) const WAIT: NoEffect = NoEffect {
     because: "M66 waits under L1 to L4, and reads the input at once without",
     help: "delete it, or write L with what to wait for: 1 rises, 2 falls, 3 high, 4 low",
 };
+/// Q of M66 with an analog input.
+pub(crate) const WAIT_ANALOG: NoEffect =
+    NoEffect { because: "an analog input is read at once", help: "delete it" };
 /// F and S in the profile of a lathe cycle.
 pub(crate) const PROFILE: NoEffect = NoEffect {
     because: "feed and speed of a lathe cycle are those in force at its own block",

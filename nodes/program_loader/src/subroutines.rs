@@ -86,8 +86,8 @@ pub(crate) fn unread_file(text: &[u8], name: &str) -> Option<(String, String)> {
     let &(start, _, end) = files.iter().find(|(_, file, _)| file == name)?;
     let lines = String::from_utf8_lossy(&text[start..end]);
     let why = lines.lines().nth(1)?.strip_prefix(UNREAD)?;
-    let help = "put the file itself there, and load the program again";
-    Some((format!("O{} is in a file that was not read: {why}", shown(name)), help.to_owned()))
+    let help = "correct that, and load the program again";
+    Some((format!("the file of subroutine {} was not read: {why}", shown(name)), help.to_owned()))
 }
 
 /// The numbers of the programs that a text calls, found once in what is appended to it as well.
@@ -385,15 +385,15 @@ mod tests {
             (
                 "rs274",
                 "o<pocket> call\nM2\n",
-                "O<pocket> is in a file that was not read: it is a link",
+                "the file of subroutine <pocket> was not read: it is a link",
             ),
-            ("rs274", "M98 P10\nM2\n", "O10 is in a file that was not read: it is a link"),
+            ("rs274", "M98 P10\nM2\n", "the file of subroutine 10 was not read: it is a link"),
             (
                 "rs274",
                 "G0 X1\nM98 P10\no1 sub\no1 endsub\nM2\n",
-                "O10 is in a file that was not read",
+                "the file of subroutine 10 was not read",
             ),
-            ("masso", "M98 P10\nM30\n", "O10 is in a file that was not read: it is a link"),
+            ("masso", "M98 P10\nM30\n", "the file of subroutine 10 was not read: it is a link"),
         ];
         for (control, text, wanted) in table {
             let profile = settings::load_profile(control).expect("a shipped profile");

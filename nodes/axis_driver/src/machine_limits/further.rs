@@ -106,9 +106,11 @@ impl MachineLimits {
         let letter = FURTHER_LETTERS[axis];
         (!missing.is_empty()).then(|| {
             format!(
-                "the time of moves of {letter}: the controller has not reported {}. Take the time for the least, or \
-                 enter the settings of {letter} in the controller",
-                missing.join(" and ")
+                "the time of moves of {letter}: {} not among the settings of the controller; the run takes longer than this",
+                match missing.as_slice() {
+                    [one] => format!("{one} is"),
+                    all => format!("{} are", all.join(" and ")),
+                }
             )
         })
     }
@@ -118,8 +120,8 @@ impl MachineLimits {
     fn jerk_doubt(&self) -> Option<&'static str> {
         self.jerk_mm_per_s3.map(|_| {
             "the time: the controller limits jerk ($800 and up); its ramps take longer than it plans, \
-             some of them several times as long. Take the time for the least, or build grblHAL \
-             without ENABLE_JERK_ACCELERATION"
+             some of them several times as long. The run takes longer than this; grblHAL \
+             without ENABLE_JERK_ACCELERATION keeps to it"
         })
     }
 

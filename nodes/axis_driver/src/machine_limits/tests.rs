@@ -276,31 +276,18 @@ fn the_time_is_in_doubt_where_grblhal_limits_jerk() {
 #[test]
 fn the_time_is_in_doubt_where_an_axis_that_moves_has_settings_that_are_not_reported() {
     let (rate, acceleration) = ((113, 3_600.0), (123, 100.0));
-    let both = "the time of moves of A: the controller has not reported $113 and $123.";
+    let both = "the time of moves of A: $113 and $123 are not among";
     for (axes, changes, moved, expected) in [
         ("XYZA", &[][..], &[(0, 90.0)][..], &[both][..]),
-        ("XYZA", &[rate], &[(0, 90.0)], &["not reported $123. Take"]),
-        ("XYZA", &[acceleration], &[(0, 90.0)], &["not reported $113. Take"]),
+        ("XYZA", &[rate], &[(0, 90.0)], &["of A: $123 is not among"]),
+        ("XYZA", &[acceleration], &[(0, 90.0)], &["of A: $113 is not among"]),
         ("XYZA", &[rate, acceleration], &[(0, 90.0)], &[]),
         // It stands still, or the board has no such axis.
         ("XYZA", &[], &[], &[]),
         ("XYZA", &[], &[(1, 90.0)], &[]),
         ("XYZ", &[], &[(0, 90.0)], &[]),
-        (
-            "XYZAC",
-            &[rate, acceleration],
-            &[(0, 1.0), (2, 1.0)],
-            &["of C: the controller has not reported $114 and $124"],
-        ),
-        (
-            "XYZUA",
-            &[],
-            &[(0, 1.0), (3, 1.0)],
-            &[
-                "of A: the controller has not reported $114",
-                "of U: the controller has not reported $113",
-            ],
-        ),
+        ("XYZAC", &[rate, acceleration], &[(0, 1.0), (2, 1.0)], &["of C: $114 and $124 are not"]),
+        ("XYZUA", &[], &[(0, 1.0), (3, 1.0)], &["of A: $114", "of U: $113"]),
     ] {
         let settings =
             ControllerSettings { axes: axes.into(), ..settings(Firmware::GrblHal, "", changes) };

@@ -64,8 +64,9 @@ impl Emitter {
 
     /// Makes every element of this block end in an exact stop.
     pub(crate) fn stop_exactly_in(&mut self, source: Source) {
-        if self.exact_stops.last() != Some(&source.line) {
-            self.exact_stops.push(source.line);
+        // Calls of subprograms lead back in the text.
+        if let Err(at) = self.exact_stops.binary_search(&source.line) {
+            self.exact_stops.insert(at, source.line);
         }
     }
 

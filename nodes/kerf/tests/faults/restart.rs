@@ -49,9 +49,11 @@ fn a_restarted_driver_resets_a_machine_at_rest_once() {
         cell.sent_since(moment).ends_with("$#\\n").then_some(())
     });
     assert_eq!(cell.sent_since(moment), "\\x18$I\\n$$\\n$G\\n$#\\n");
-    let is_idle = |state: &MachineState| state.state == MachineState::STATE_IDLE;
-    let idle = cell.until_after(cell.moment(), "a new life", is_idle);
-    assert!(idle.reason.is_empty() && !idle.is_homed, "{idle:?}");
+    // It is connected before it is activated.
+    let is_ready =
+        |state: &MachineState| state.state == MachineState::STATE_IDLE && state.reason.is_empty();
+    let idle = cell.until_after(cell.moment(), "a new life", is_ready);
+    assert!(!idle.is_homed, "{idle:?}");
 }
 
 /// A board whose boot loader runs whenever DTR rises.

@@ -151,6 +151,9 @@ fn a_name_has_small_letters_and_no_blanks_however_it_is_written() {
         ("<a<b[1]@~>", Some(("a<b[1]@~", 10))),
         ("<gr\u{f6}\u{df}e>", Some(("gr\u{f6}\u{df}e", 9))),
         ("<\u{c4}>", Some(("\u{c4}", 4))),
+        // LinuxCNC drops blanks and tabs alone.
+        ("<d\u{a0}p>", Some(("d\u{a0}p", 6))),
+        ("<\u{3000}>", Some(("\u{3000}", 5))),
         ("<>", None),
         ("< \t>", None),
         ("<depth", None),

@@ -6,7 +6,7 @@
 use super::{Interpreter, Scene};
 use crate::dialect::Letters;
 use crate::expression::whole;
-use crate::no_effect::WAIT;
+use crate::no_effect::{WAIT, WAIT_ANALOG};
 use cnc_msgs::contour::Action;
 use cnc_msgs::finding::Code;
 use cnc_msgs::text::Words;
@@ -172,7 +172,8 @@ impl Interpreter<'_> {
             let help = "write Q with the longest wait in seconds";
             self.report_at(scene, at, Code::MissingWord, message, help);
         } else if !waits && self.request.value(b'Q') > Some(0.0) {
-            self.has_no_effect(scene, self.request.word(b'Q'), WAIT);
+            let why = if has(b'E') { WAIT_ANALOG } else { WAIT };
+            self.has_no_effect(scene, self.request.word(b'Q'), why);
         }
     }
 

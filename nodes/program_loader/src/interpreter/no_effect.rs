@@ -15,13 +15,14 @@ impl Interpreter<'_> {
         };
         self.no_effects.add(code, why, scene.source_of(at), || match word.letter {
             // Whatever its values are.
-            letter @ (b'F' | b'S') => char::from(letter).to_string(),
+            letter @ (b'F' | b'S' | b'Q') => char::from(letter).to_string(),
             _ => scene.quote(at),
         });
     }
 
-    /// Words that have no effect, each once.
-    pub(crate) fn no_effects(&self) -> impl Iterator<Item = Finding> {
-        self.no_effects.findings(self.has_returned.get().then_some(RETRACT_TO_R))
+    /// Words that have no effect, each once. `is_whole`: no cycle may follow what was read.
+    pub(crate) fn no_effects(&self, is_whole: bool) -> impl Iterator<Item = Finding> {
+        let may_return = self.has_returned.get() || !is_whole;
+        self.no_effects.findings(may_return.then_some(RETRACT_TO_R))
     }
 }

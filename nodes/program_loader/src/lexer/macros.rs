@@ -14,7 +14,7 @@ pub(super) fn begins(text: &[u8]) -> bool {
         let is_word =
             text.get(..word.len()).is_some_and(|it| it.eq_ignore_ascii_case(word.as_bytes()));
         let next = || text[word.len()..].trim_ascii_start().first().copied().unwrap_or_default();
-        is_word && (matches!(next(), b'[' | b'#') || !has_value && next().is_ascii_digit())
+        is_word && (next() == b'[' || !has_value && (next() == b'#' || next().is_ascii_digit()))
     })
 }
 
@@ -60,6 +60,7 @@ mod tests {
             ("WHILE", false),
             ("G0", false),
             ("IF", false),
+            ("IF#1", false),
         ];
         for (text, expected) in table {
             assert_eq!(begins(text.as_bytes()), expected, "{text}");

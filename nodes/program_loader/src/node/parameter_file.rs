@@ -45,13 +45,15 @@ impl ParameterFile {
     /// The text of a program with the values of the file.
     pub(super) fn append(&self, text: Vec<u8>, profile: &Profile) -> Result<Vec<u8>, Refusal> {
         let path = self.path.display().to_string();
+        // Who loads a program need not know the folders of this host.
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
         let refused = |why: &dyn std::fmt::Display| {
             let message = format!("parameter_file {path}: {why}");
             refuse(LoadProgramResponse::INVALID_REQUEST, message)
         };
         let file = intake::file::read(&self.path, PARAMETER_FILE_BYTES_MAX)
             .or_else(|error| refused(&error))?;
-        with_parameters(text, profile, &path, &file).or_else(|error| refused(&error))
+        with_parameters(text, profile, &name, &file).or_else(|error| refused(&error))
     }
 
     /// Remembers what a program leaves when it has run.

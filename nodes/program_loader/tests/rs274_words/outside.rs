@@ -80,7 +80,13 @@ fn what_has_no_effect_is_reported_once_with_its_first_place_and_how_often_it_sta
         ("G0 X1\nG99\nG0 X2\nG99\nM2", &["2+1 G99 has no effect (2 times in this program)"]),
         ("G99\nF100 G0 X0 Y0 Z5\nG81 X1 Y1 Z-1 R1\nM2", &[]),
         ("G99\n#1=#<_retract_r_plane>\nM2", &[]),
-        ("M66 P0 L0 Q5\nM66 E1 Q3\nM2", &["1+11 Q5 has no effect (2 times in this program)"]),
+        // What follows is read while the run waits.
+        (
+            "G99\nG0 Z5\nG38.2 Z-9 F50\nG0 Z[#5063+5]\nG81 X1 Y1 Z-1 R1 F100\nM2",
+            &["4+1 what follows needs the result of a probe or of M66"],
+        ),
+        ("M66 P0 L0 Q5\nM66 P1 Q3\nM2", &["1+11 Q has no effect (2 times in this program)"]),
+        ("M66 E1 Q3\nM2", &["1+8 Q has no effect"]),
         ("M66 P0 L0\nM66 P0 L0 Q0\nM66 P0 L3 Q5\nM2", &[]),
     ] {
         assert_eq!(warnings(text, false), expected, "{text}");

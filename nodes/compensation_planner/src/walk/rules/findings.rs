@@ -235,7 +235,9 @@ fn larger_arc(wanted_mm: f64, radius_mm: f64) -> String {
         true => ("an arc of the same angle", wanted_mm),
         false => ("half a circle", radius_mm),
     };
-    format!("make it {arc} with a radius of at least {:.3} mm", (least * 1e3).floor() / 1e3 + 1e-3)
+    // Its ends are rounded when they are written.
+    let least = (least * 1.002 * 1e2).ceil() / 1e2 + 0.01;
+    format!("make it {arc} with a radius of at least {least:.2} mm")
 }
 
 /// An arc that leads to its offset as one that is much larger.
