@@ -364,7 +364,7 @@ pub(crate) async fn run_goal(
     let mut ctrl_c = CtrlC::listen()?;
     // While a program is checked, the machine may wait in another run.
     let is_check = goal.check_only;
-    let states_of = |node| if is_check { None } else { states_of(node) };
+    let states_of = |node: &Handle| if is_check { None } else { states_of(node) };
     let beginning = begin::<RunProgram>(node, "run_program", goal);
     let mut handle = unless_dds_fails(node, beginning).await?;
     let (mut node, mut session) = (node.clone(), None::<Session>);
