@@ -102,6 +102,13 @@ impl Journal {
     }
 }
 
+impl Drop for Journal {
+    fn drop(&mut self) {
+        // A process that is being started holds a copy of the file for a moment, and the lock with it.
+        let _ = self.file.unlock();
+    }
+}
+
 /// Reads a journal; a line that is cut is the last thing that a worker did, and is left out.
 fn left(text: &str) -> Left {
     let mut left = Left::default();
