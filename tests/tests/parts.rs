@@ -1,11 +1,14 @@
 //! A program that is planned in parts while it is being read is accepted if the whole is accepted.
 
+use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::finding::Code;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use compensation_planner::node::parts::PartsVerdict;
 use compensation_planner::{Alone, Planning, judge};
 use kerf_tests::{files, root};
-use program_loader::{LoadOptions, load, load_in_parts};
+use program_loader::pieces::{Piece, Pieces, load_pieces};
+use program_loader::{LoadOptions, Loaded, load, load_in_parts};
 use settings::Control;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -26,13 +29,13 @@ fn accepts_in_parts(
 ) -> (bool, usize) {
     let mut taken = 0;
     let is_accepted = std::thread::scope(|scope| {
-        let mut parts = PartsVerdict::new(scope, profile, tools, &Alone);
+        let mut parts = PartsVerdict::new(scope, profile, tools, &Alone, u64::MAX);
         let loaded =
             load_in_parts(text, profile, &LoadOptions::default(), part_events, &mut |contour| {
                 parts.take(contour);
                 taken += usize::from(contour.events.is_empty());
             });
-        loaded.is_accepted() && parts.accepts(loaded.contour)
+        loaded.is_accepted() && parts.judge(loaded.contour).is_ok()
     });
     (is_accepted, taken)
 }
@@ -58,6 +61,150 @@ fn the_verdict_on_each_program_of_this_project_is_the_same_in_parts() {
         }
     }
     assert!(accepted > 20 && refused > 50 && all_taken > 200, "{accepted} {refused} {all_taken}");
+}
+
+/// A text in pieces of so many lines.
+struct InPieces<'t> {
+    left: &'t [u8],
+    lines: usize,
+}
+
+impl Pieces for InPieces<'_> {
+    fn next(&mut self) -> Option<Piece<'_>> {
+        let end = self
+            .left
+            .split_inclusive(|byte| *byte == b'\n')
+            .take(self.lines)
+            .map(<[u8]>::len)
+            .sum();
+        let (text, left) = self.left.split_at(end);
+        self.left = left;
+        (end > 0).then_some(Piece { text, left: left.len() as u64 })
+    }
+}
+
+fn load_by_lines(text: &[u8], profile: &Profile, lines: usize) -> Option<Loaded> {
+    let mut pieces = InPieces { left: text, lines };
+    let events = 10_000..=usize::MAX;
+    load_pieces(&mut pieces, profile, &LoadOptions::default(), events, &mut |_| {})
+}
+
+/// The bad ones, too. Those that are not loaded in pieces are read whole.
+#[test]
+fn each_program_of_this_project_is_loaded_in_pieces_as_whole() {
+    let (mut in_pieces, mut whole) = (0, 0);
+    for ending in [".ngc", ".nc", ".mpf", ".nct", ".min", ".ascript"] {
+        for path in files(ending) {
+            let text = std::fs::read(&path).expect("a program");
+            for control in Control::ALL {
+                let profile = settings::load_profile(control.name()).expect("a shipped profile");
+                let expected = load(&text, &profile, &LoadOptions::default());
+                for lines in [1, 3, 1000] {
+                    let Some(loaded) = load_by_lines(&text, &profile, lines) else {
+                        whole += 1;
+                        continue;
+                    };
+                    in_pieces += 1;
+                    assert_eq!(loaded, expected, "{} {} {lines}", path.display(), control.name());
+                }
+            }
+        }
+    }
+    assert!(in_pieces > 500 && whole > 100, "{in_pieces} {whole}");
+}
+
+#[test]
+fn a_text_in_pieces_is_read_to_its_end_as_whole() {
+    let profile = settings::load_profile("rs274").expect("a shipped profile");
+    let line = "G1 X1 F100\n";
+    for (text, is_plain) in [
+        ("\u{feff}G21\nG1 X1 F100\nM2\n", true),
+        ("G21\nG1 X1 F100\nM2", true),
+        ("G21\r\nG1 X1 F100\r\n\x1a", true),
+        ("G21\nM2\n\0\0\0", true),
+        ("G21\nM2\n\0\0\x1a\0", true),
+        ("G21\nM2\n\n\nG1 X2\n", true),
+        ("%\nG21\n%\n", true),
+        ("G1 X\n(x", true),
+        ("\n\n", true),
+        ("G21\no1 call\nM2\n", false),
+        ("G21\nM98 P10\nM2\n", false),
+        ("G21\nN5 O1 if [1]\nM2\n", false),
+        ("M2\n% (what follows is appended by Kerf)\n", false),
+        ("M2\n(tool table, appended by Kerf: 0)\n", false),
+        ("\u{0}\u{0}\n", true),
+    ] {
+        let text = text.replace("G1 X1 F100\n", &line.repeat(7));
+        let expected = load(text.as_bytes(), &profile, &LoadOptions::default());
+        for lines in 1..9 {
+            let loaded = load_by_lines(text.as_bytes(), &profile, lines);
+            assert_eq!(loaded, is_plain.then(|| expected.clone()), "{text:?} {lines}");
+        }
+    }
+}
+
+/// What is held stays below a limit, however the program goes on. A part that ends in time begins anew.
+#[test]
+fn a_contour_that_does_not_end_is_refused_where_too_much_of_it_waits() {
+    let profile = settings::load_profile("rs274").expect("a shipped profile");
+    let options = LoadOptions::default();
+    let lines = |count: usize| (0..count).map(|y| format!("Y{y}\n")).collect::<String>();
+    let begin = "G21 F100\nG41.1 D4 G1 X10\n";
+    let help = "end the compensation with G40 between contours, or split the program";
+    // The line of the error.
+    for (text, line) in [
+        (format!("{begin}{}G40 G1 X50\nM2\n", lines(10)), None),
+        (format!("{begin}{}G40 G1 X50\n{}M2\n", lines(10), lines(1000)), None),
+        (format!("{begin}{}M2\n", lines(1000)), Some(19)),
+        (format!("G0 X0\n{}{begin}{}G40 G1 X50\nM2\n", lines(100), lines(1000)), Some(119)),
+    ] {
+        let (mut pieces, mut most) = (InPieces { left: text.as_bytes(), lines: 10 }, 0);
+        let take = &mut |contour: &mut ProgrammedContour| {
+            most = most.max(contour.events.len());
+            contour.events.clear();
+        };
+        let loaded = load_pieces(&mut pieces, &profile, &options, 5..=20, take).expect("plain");
+        let limit = loaded.findings.iter().find(|found| found.is_error());
+        assert_eq!(limit.map(|it| (it.code, it.source.line)), line.map(|line| (Code::Limit, line)));
+        if let Some(limit) = limit {
+            let wanted =
+                "20 events here since nothing was compensated; at most 20 are planned at once";
+            assert!(limit.message.contains(wanted) && limit.help == help, "{limit:?}");
+        }
+        assert!(most <= 20, "{most}");
+    }
+}
+
+/// The limit on events before a cycle or a curve protects those who hold them all.
+#[test]
+fn a_cycle_is_not_refused_for_what_was_planned_before_it() {
+    let profile = settings::load_profile("rs274").expect("a shipped profile");
+    let options = LoadOptions::default();
+    let cycle = "G0 X0 Y0 Z5\nG81 X1 Y1 Z-1 R1 L20\nG80\n".repeat(20);
+    let text = format!("G21 F100\n{cycle}M2\n");
+    let (mut pieces, mut taken) = (InPieces { left: text.as_bytes(), lines: 10 }, 0);
+    let take = &mut |contour: &mut ProgrammedContour| taken += contour.events.drain(..).count();
+    let loaded = load_pieces(&mut pieces, &profile, &options, 5..=100, take).expect("plain");
+    assert!(loaded.is_accepted() && taken > 1000, "{taken} {:?}", loaded.findings);
+}
+
+/// Numbers of programs may stand before all lines of a text, and are looked for in each piece.
+#[test]
+fn a_text_with_programs_that_are_called_comes_whole() {
+    for (control, text, is_plain) in [
+        ("nct", "%O1000\nG0 X1\nM30\n", true),
+        ("nct", "%O1000\nG0 X1\nM30\nO2\nM99\n", false),
+        ("nct", "%O1000\nG0 X1\n\n\nO2\nM99\n", false),
+        ("sinumerik_840c", "%MPF1\nN10 G0 X1\nN20 M30\n", true),
+        ("sinumerik_840c", "%MPF1\nN10 L10\nN20 M30\n", false),
+        ("masso", "G0 X1\nM98 P10\nM30\n", false),
+    ] {
+        let profile = settings::load_profile(control).expect("a shipped profile");
+        for lines in 1..5 {
+            let loaded = load_by_lines(text.as_bytes(), &profile, lines);
+            assert_eq!(loaded.is_some(), is_plain, "{control} {text:?} {lines}");
+        }
+    }
 }
 
 /// Numbers that look random, the same in each run.

@@ -30,6 +30,10 @@ pub enum ReadError {
     TooLarge { bytes: u64, most: u64 },
     #[error("it grew while it was read; at most {most} bytes are read")]
     Grew { most: u64 },
+    #[error("it became shorter while it was read; it had {bytes} bytes")]
+    Shrank { bytes: u64 },
+    #[error("a line of it has more than {most} bytes")]
+    LongLine { most: usize },
     #[error("it could not be read within {} s; check its drive", .0.as_secs())]
     Late(Duration),
     #[error(

@@ -1,6 +1,7 @@
 //! `kerf plan`: reads a program; prints whether it is accepted, and its path. No ROS.
 
 mod in_parts;
+mod long_program;
 mod text;
 
 use crate::exit::{CommandResult, Failure, Status, printed};
@@ -23,6 +24,8 @@ use compensation_planner::node::disagreement;
 use compensation_planner::node::threads::Threads;
 use compensation_planner::verdict::Disagreement;
 use compensation_planner::{Planning, Start, Verdict, judge, start};
+use in_parts::{FILE_PART_EVENTS, OfFile};
+use long_program::LongProgram;
 use program_loader::limits::COORDINATE_MM_MAX;
 use program_loader::subroutines::with_subroutines;
 use program_loader::tool_rows::load_with_tools;
@@ -76,7 +79,7 @@ pub(crate) struct PlanArgs {
     /// Write a page for a browser: both, with the program and the findings
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Print errors only
+    /// Print errors only; a program of plain lines may have any length then
     #[arg(long)]
     quiet: bool,
     /// Has no effect: the path is always proved by a second algorithm
@@ -84,35 +87,50 @@ pub(crate) struct PlanArgs {
     audit: bool,
 }
 
+impl PlanArgs {
+    /// Whether nobody sees anything of a program that is accepted.
+    fn shows_errors_only(&self) -> bool {
+        self.quiet
+            && self.svg.is_none()
+            && self.html.is_none()
+            && self.machine.files().iter().all(Option::is_none)
+            && self.start_line.max(self.occurrence).unwrap_or_default() <= 1
+    }
+}
+
 /// Loads and plans, prints the result; fails if the program is refused.
 pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let read = [Some(args.file.as_path()), args.tools.as_deref(), args.parameters.as_deref()];
     let inputs = files::inputs(read.into_iter().chain(args.machine.files()), &args.control);
     let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
-    let text = files::read_program(&args.file)?;
+    let is_long = args.shows_errors_only() && args.parameters.is_none();
+    let long = if is_long { LongProgram::open(&args.file) } else { None };
+    let mut text = if long.is_some() { Vec::new() } else { files::read_program(&args.file)? };
     let mut profile = files::profile(&args.control)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
     let folders = files::subroutines(&args.subroutines)?;
+    let tools = files::tool_table(args.tools.as_deref())?;
+    let machine = args.machine.read()?;
+    let name = files::file_name(&args.file);
+    let probes_touch_at = args.probes_touch_at.map(|percent| f64::from(percent) / 100.0);
+    let options = LoadOptions { start: args.start, probes_touch_at, ..LoadOptions::default() };
+    // With --quiet nobody reads certificates, and they cost more than the plan.
+    let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
+    let mut plan = if args.shows_errors_only() { Planned::without_path } else { Planned::new };
+    if let Some(mut program) = long {
+        let events = FILE_PART_EVENTS;
+        match OfFile::plan(&mut program, &profile, &tools, &options, planning, events) {
+            OfFile::Judged { is_accepted, shown } => return program.conclude(is_accepted, &shown),
+            OfFile::Refused => plan = Planned::new,
+            OfFile::NotPlain => {}
+        }
+        text = files::read_program(&args.file)?;
+    }
     let text = with_subroutines(text, &profile, |name| files::subroutine(&folders, name));
     let text = match &args.parameters {
         Some(path) => files::with_parameters(text, &profile, path)?,
         None => text,
     };
-    let tools = files::tool_table(args.tools.as_deref())?;
-    let machine = args.machine.read()?;
-    let name = files::file_name(&args.file);
-
-    let probes_touch_at = args.probes_touch_at.map(|percent| f64::from(percent) / 100.0);
-    let options = LoadOptions { start: args.start, probes_touch_at, ..LoadOptions::default() };
-    // With --quiet nobody reads certificates, and they cost more than the plan.
-    let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
-    // Then nobody sees anything of a program that is accepted.
-    let shows_errors_only = args.quiet
-        && svg.is_none()
-        && html.is_none()
-        && machine.is_none()
-        && args.start_line.max(args.occurrence).unwrap_or_default() <= 1;
-    let plan = if shows_errors_only { Planned::without_path } else { Planned::new };
     let mut planned = plan(&text, &profile, &tools, &options, planning);
     planned.keep_disagreement(&name, &text);
     let start_line = args.start_line.unwrap_or_default();

@@ -13,6 +13,7 @@ mod cycles;
 mod feeds;
 mod further;
 mod home;
+mod length;
 mod machine_words;
 mod modal;
 mod moves;
@@ -119,6 +120,10 @@ pub(crate) struct Interpreter<'r> {
     contour: ProgrammedContour,
     /// Events that the contour has no more.
     taken: usize,
+    /// Events of a part, where nobody holds all of them.
+    held_events_max: Option<usize>,
+    /// The first block that nodes refuse then, because it makes the program too long.
+    too_long_from: Option<Source>,
     bounds: Bounds,
     /// Tools of M61.
     named_tools: Vec<(u32, Source)>,
@@ -174,6 +179,8 @@ impl<'r> Interpreter<'r> {
             saved: vec![None],
             contour,
             taken: 0,
+            held_events_max: None,
+            too_long_from: None,
             bounds: Bounds::default(),
             named_tools: Vec::new(),
             tool_entries: ToolEntries::new(),

@@ -41,6 +41,7 @@ pub mod limits;
 #[cfg(feature = "node")]
 pub mod node;
 pub mod parameter_file;
+pub mod pieces;
 pub mod probe_results;
 pub mod render;
 pub mod subroutines;
@@ -55,11 +56,12 @@ use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::geometry::Position;
 use cnc_msgs::profile::Profile;
 use findings::Findings;
-use flow::FlowMap;
+use flow::{Flow, FlowMap};
 use interpreter::{Interpreter, code_in_tenths};
-use limits::FlowLimits;
-use parameter_file::Left;
-use reader::{Read, Reader};
+use limits::{FlowLimits, ProgramSize};
+use parameter_file::{Left, Section};
+use pieces::Whole;
+use reader::{Parts, Read, Reader};
 use rules::Rules;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -100,6 +102,8 @@ pub struct Loaded {
     pub awaits: Option<Source>,
     /// Whether the program has read what the tool table has of a tool ([`tool_rows`]).
     pub reads_tools: bool,
+    /// Why nodes, which hold all of a program, refuse this one. Only [`load_pieces`](pieces::load_pieces) accepts it.
+    pub too_long: Option<Finding>,
 }
 
 impl Loaded {
@@ -207,13 +211,8 @@ pub fn load_in_parts(
     part_events: usize,
     take: &mut dyn FnMut(&mut ProgrammedContour),
 ) -> Loaded {
-    let (rules, wrong_words) = Rules::of(profile);
-    let mut findings = Findings::default();
-    for wrong in wrong_words {
-        findings.begin_block();
-        findings.push(wrong);
-    }
-    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
+    let (rules, mut findings) = rules_of(profile);
+    let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     let (text, measured) = probe_results::split(text);
     let (text, tool_rows) = tool_rows::split(text);
     let text = without_filler(text);
@@ -222,13 +221,9 @@ pub fn load_in_parts(
     let lines = line_feeds + usize::from(text.last().is_some_and(|&last| last != b'\n'));
     let line_count = u32::try_from(lines).unwrap_or(u32::MAX);
 
-    let refused = |findings: Findings| {
-        let contour = ProgrammedContour { start: options.start, ..ProgrammedContour::default() };
-        Loaded { contour, findings: findings.finish(), line_count, ..Loaded::default() }
-    };
     if let Some(refusal) = refuse_whole(text, line_count) {
         findings.push(refusal);
-        return refused(findings);
+        return refused(findings, options, line_count);
     }
     let flow = match (rules.dialect.lexer.programs, rules.dialect.lexer.parameters) {
         _ if options.is_single_block => FlowMap::default(),
@@ -237,23 +232,35 @@ pub fn load_in_parts(
         (None, false) => FlowMap::default(),
     };
     if findings.has_error() {
-        return refused(findings);
+        return refused(findings, options, line_count);
     }
     let has_file = rules.dialect.lexer.parameters && !options.is_single_block;
     let section = parameter_file::section_of(text).filter(|_| has_file);
-    let keeps = section.is_some();
-    let section = section.unwrap_or_default();
-    let stored = &section.values;
+    let no_section = Section::default();
+    let stored = section.as_ref().unwrap_or(&no_section);
     let events = lines.min(text.len() / 4);
     let events = if part_events == usize::MAX { events } else { events.min(2 * part_events) };
     let mut interpreter = Interpreter::new(&rules, options.start, events);
-    interpreter.store(&section, &mut findings);
+    interpreter.store(stored, &mut findings);
     interpreter.take_results(measured, options.probes_touch_at);
     interpreter.take_tools(tool_rows);
+    let flow = (!flow.entries.is_empty())
+        .then(|| Flow::new(text, flow, rules.dialect.lexer.programs, options.flow));
     let mut reader = Reader::new(text, &rules, options, interpreter, flow, findings);
-    reader.store(stored);
-    let Read { interpreter, parameters, mut findings, calls, awaits, deleted } =
-        reader.read(part_events, take);
+    reader.store(&stored.values);
+    let parts = Parts { least: part_events, most: usize::MAX, take };
+    let read = reader.read(&mut Whole::of(text), parts);
+    loaded(read, options, line_count, has_file.then_some(section))
+}
+
+/// What a program has come to. `file`: its language has a parameter file, and the one that was appended to the text.
+fn loaded(
+    read: Read<'_>,
+    options: &LoadOptions,
+    line_count: u32,
+    file: Option<Option<Section>>,
+) -> Loaded {
+    let Read { interpreter, parameters, mut findings, calls, awaits, deleted } = read;
     if let Some(source) = awaits {
         findings.begin_block();
         let message = "what follows needs the result of a probe or of M66: it is planned and judged while the run waits here";
@@ -275,11 +282,15 @@ pub fn load_in_parts(
         findings.push(Finding::warning(Code::Unsupported, source, message));
     }
     let is_whole = awaits.is_none();
-    let mut left = if has_file && is_whole { parameters.left(stored) } else { Vec::new() };
+    let has_file = file.is_some();
+    let section = file.flatten();
+    let keeps = section.is_some();
+    let stored = section.unwrap_or_default().values;
+    let mut left = if has_file && is_whole { parameters.left(&stored) } else { Vec::new() };
     findings.begin_block();
     for rotated in interpreter.rotations_left().filter(|_| is_whole) {
         match keeps {
-            true => left.push(rotated.left(stored)),
+            true => left.push(rotated.left(&stored)),
             false => rotated.forgotten().into_iter().for_each(|it| findings.push(it)),
         }
     }
@@ -292,13 +303,23 @@ pub fn load_in_parts(
     findings.explain(&calls);
     let reads_tools = interpreter.has_read_tools();
     if findings.has_error() {
-        return Loaded { reads_tools, ..refused(findings) };
+        return Loaded { reads_tools, ..refused(findings, options, line_count) };
     }
     let is_in_parts = interpreter.has_given();
+    let too_long = interpreter.too_long();
     let (contour, bounds, named_tools) = interpreter.finish();
     let findings = findings.finish();
-    let mut loaded =
-        Loaded { contour, findings, line_count, bounds, named_tools, left, awaits, reads_tools };
+    let mut loaded = Loaded {
+        contour,
+        findings,
+        line_count,
+        bounds,
+        named_tools,
+        left,
+        awaits,
+        reads_tools,
+        too_long,
+    };
     match is_in_parts {
         true => loaded.contour.calls = calls,
         false => loaded.take_calls(calls),
@@ -306,30 +327,59 @@ pub fn load_in_parts(
     loaded
 }
 
+/// A program that is refused: it has no contour.
+fn refused(findings: Findings, options: &LoadOptions, line_count: u32) -> Loaded {
+    let contour = ProgrammedContour { start: options.start, ..ProgrammedContour::default() };
+    Loaded { contour, findings: findings.finish(), line_count, ..Loaded::default() }
+}
+
+/// The rules of a profile, and what is wrong with its words.
+fn rules_of(profile: &Profile) -> (Rules<'_>, Findings) {
+    let (rules, wrong_words) = Rules::of(profile);
+    let mut findings = Findings::default();
+    for wrong in wrong_words {
+        findings.begin_block();
+        findings.push(wrong);
+    }
+    (rules, findings)
+}
+
+/// What to do with a program that nobody holds.
+const LONG_HELP: &str =
+    "split the program; `kerf plan --quiet` judges one of plain lines whole, however long it is";
+
+/// Why a program of this size is refused by all who hold it, as [`load`] does.
+pub fn too_long(size: ProgramSize, most: ProgramSize) -> Option<Finding> {
+    let message = if size.bytes > most.bytes {
+        format!("the program has {} bytes; at most {} are accepted", size.bytes, most.bytes)
+    } else if size.lines > most.lines {
+        format!("the program has {} lines; at most {} are accepted", size.lines, most.lines)
+    } else {
+        return None;
+    };
+    Some(Finding::error(Code::Limit, Source::default(), message).help(LONG_HELP))
+}
+
 /// Checks for which a program is rejected before its lines are read.
-fn refuse_whole(text: &[u8], line_count: u32) -> Option<Finding> {
-    let nowhere = Source::default();
-    if text.len() > limits::PROGRAM_BYTES_MAX {
-        let message = format!(
-            "the program has {} bytes; at most {} are accepted",
-            text.len(),
-            limits::PROGRAM_BYTES_MAX
-        );
-        return Some(Finding::error(Code::Limit, nowhere, message).help("split the program"));
+fn refuse_whole(text: &[u8], lines: u32) -> Option<Finding> {
+    let size = ProgramSize { bytes: text.len() as u64, lines };
+    let too_long = too_long(size, ProgramSize::HELD_MAX);
+    if too_long.is_some() {
+        return too_long;
     }
-    if line_count > limits::LINES_MAX {
-        let message = format!(
-            "the program has {line_count} lines; at most {} are accepted",
-            limits::LINES_MAX
-        );
-        return Some(Finding::error(Code::Limit, nowhere, message).help("split the program"));
-    }
-    if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") {
+    if is_utf_16(text) {
         let message = "the program is UTF-16 text";
         let help = "save it as plain text (ASCII or UTF-8)";
-        return Some(Finding::error(Code::Syntax, nowhere, message).help(help));
+        return Some(Finding::error(Code::Syntax, Source::default(), message).help(help));
     }
     None
+}
+
+/// What begins a text in UTF-8, for some editors.
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+
+fn is_utf_16(text: &[u8]) -> bool {
+    text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF")
 }
 
 /// A text without what fills the last block of some senders (0x00), and what DOS ended texts with

@@ -2,10 +2,23 @@
 
 use std::time::Duration;
 
-/// Bytes of a program. The events of a larger one would not fit a small machine's memory.
+/// Bytes of a program that is held. The events of a larger one would not fit a small machine's memory.
 pub const PROGRAM_BYTES_MAX: usize = 512 << 20;
-/// Lines of a program: one event of about 120 bytes each.
+/// Lines of a program that is held: one event of about 120 bytes each. [`load_pieces`](crate::pieces::load_pieces) holds
+/// none.
 pub const LINES_MAX: u32 = 10_000_000;
+/// The size of a program.
+#[derive(Debug, Clone, Copy)]
+pub struct ProgramSize {
+    pub bytes: u64,
+    pub lines: u32,
+}
+
+impl ProgramSize {
+    /// The most that is held.
+    pub const HELD_MAX: Self = Self { bytes: PROGRAM_BYTES_MAX as u64, lines: LINES_MAX };
+}
+
 /// Bytes of a line, comments and blanks included: no control takes more.
 pub const LINE_BYTES_MAX: usize = 4096;
 /// Words of a block: more than any block that means something.
@@ -35,7 +48,8 @@ pub const ARC_TURNS_MAX: f64 = 9_999.0;
 
 /// Moves of one block with a cycle.
 pub const CYCLE_MOVES_MAX: f64 = 100_000.0;
-/// Events before one more cycle: as many as a program of the most lines has.
+/// Events that are held before one more cycle: as many as a program of the most lines has. Of a program that is planned
+/// in parts and not held, those of one part.
 pub const EVENTS_MAX: usize = LINES_MAX as usize;
 /// How far a chip-breaking or peck cycle stays away from the last depth in rapid, mm: a hundredth
 /// of an inch (LinuxCNC).
@@ -66,6 +80,8 @@ pub const FULL_CIRCLE_RELATIVE: f64 = 1e-6;
 /// A G or M number must be this close to a tenth.
 pub const CODE_FUZZ: f64 = 1e-6;
 
+/// In the first line of all that is appended to a program.
+pub(crate) const APPENDED_BY: &str = "appended by Kerf";
 /// The line between a program and what is appended to it. It is the end of the program.
 pub(crate) const APPENDED: &str = "% (what follows is appended by Kerf)";
 /// Bytes of a name of a subroutine in the calls that led to a line.

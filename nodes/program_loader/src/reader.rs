@@ -10,12 +10,14 @@ mod parts;
 mod remarks;
 mod stretches;
 
+pub(crate) use parts::Parts;
+
 use crate::LoadOptions;
 use crate::block::Block;
 use crate::dialect::{Dialect, GWord, OffsetWord};
 use crate::expression::Parameter;
 use crate::findings::{Findings, Mark};
-use crate::flow::{Cursor, Flow, FlowMap, Next, World, no_profile, no_program};
+use crate::flow::{Cursor, Flow, Next, World, no_profile, no_program};
 use crate::interpreter::{After, Interpreter, code_in_tenths};
 use crate::lexer;
 use crate::limits;
@@ -23,11 +25,12 @@ use crate::line::{Line, without_carriage_returns};
 use crate::no_effect::NoEffects;
 use crate::parameter_file::Stored;
 use crate::parameters::{CannotSet, Parameters};
+use crate::pieces::{Piece, Pieces};
 use crate::rules::Rules;
 use crate::subroutines::unread_file;
 use crate::values::Values;
 use cnc_msgs::calls::Calls;
-use cnc_msgs::contour::{ProgrammedContour, Source};
+use cnc_msgs::contour::Source;
 use cnc_msgs::finding::{Code, Finding};
 
 /// Which part of the text is being read.
@@ -43,7 +46,8 @@ enum Section {
 
 /// Reads one program.
 pub(crate) struct Reader<'r> {
-    text: &'r [u8],
+    /// The whole text; empty where it comes in pieces.
+    held: &'r [u8],
     rules: &'r Rules<'r>,
     options: &'r LoadOptions,
     interpreter: Interpreter<'r>,
@@ -53,6 +57,8 @@ pub(crate) struct Reader<'r> {
     has_blocks: bool,
     /// The last line of a program without an end, where something is appended to it.
     last_line_without_end: Option<u32>,
+    /// Of the text so far.
+    ends_with_line_feed: bool,
     parameters: Parameters,
     /// It has been said that no log file is written.
     has_reported_log: bool,
@@ -87,15 +93,15 @@ enum Outcome {
 
 impl<'r> Reader<'r> {
     pub(crate) fn new(
-        text: &'r [u8],
+        held: &'r [u8],
         rules: &'r Rules<'r>,
         options: &'r LoadOptions,
         interpreter: Interpreter<'r>,
-        flow: FlowMap,
+        flow: Option<Flow<'r>>,
         findings: Findings,
     ) -> Self {
         Self {
-            text,
+            held,
             rules,
             options,
             interpreter,
@@ -104,10 +110,10 @@ impl<'r> Reader<'r> {
             section: Section::Before,
             has_blocks: false,
             last_line_without_end: None,
+            ends_with_line_feed: false,
             parameters: Parameters::default(),
             has_reported_log: false,
-            flow: (!flow.entries.is_empty())
-                .then(|| Flow::new(text, flow, rules.dialect.lexer.programs, options.flow)),
+            flow,
             awaits: None,
             deleted: NoEffects::default(),
         }
@@ -118,45 +124,46 @@ impl<'r> Reader<'r> {
         self.parameters.store(values);
     }
 
-    /// Reads and executes the program; see [`load_in_parts`](crate::load_in_parts).
-    pub(crate) fn read(
-        mut self,
-        part_events: usize,
-        take: &mut dyn FnMut(&mut ProgrammedContour),
-    ) -> Read<'r> {
-        let text = self.text;
+    /// Reads and executes the program; see [`load_in_parts`](crate::load_in_parts). One with a flow comes in one piece.
+    pub(crate) fn read(mut self, pieces: &mut dyn Pieces, mut parts: Parts<'_>) -> Read<'r> {
         let mut cursor = Cursor { offset: 0, line: 1 };
         let mut last_line = 0;
-        'jump: loop {
-            let from = cursor.offset;
-            let ends = memchr::memchr_iter(b'\n', &text[from..]).map(|end| from + end);
-            for end in ends.chain(std::iter::once(text.len())) {
-                last_line = cursor.line;
-                let whole = &text[cursor.offset.min(end)..end];
-                let call = self.flow.as_ref().map_or(0, Flow::row);
-                let content = without_carriage_returns(whole);
-                let line = Line { number: cursor.line, text: content, call };
-                match self.line(line, cursor) {
-                    // It is read again with the rows.
-                    Outcome::Line | Outcome::Jump(_) if self.interpreter.misses_tools() => {
-                        break 'jump;
-                    }
-                    Outcome::Line if self.interpreter.event_count() >= part_events => {
-                        // Near the end it is not worth while; with loops nobody knows how near it is.
-                        if self.flow.is_some() || text.len().saturating_sub(end) > part_events {
-                            self.give(take);
+        'text: while let Some(Piece { text, left }) = pieces.next() {
+            self.ends_with_line_feed =
+                text.last().map_or(self.ends_with_line_feed, |&it| it == b'\n');
+            'jump: loop {
+                let from = cursor.offset;
+                let ends = memchr::memchr_iter(b'\n', &text[from..]).map(|end| from + end);
+                for end in ends.chain((left == 0).then_some(text.len())) {
+                    last_line = cursor.line;
+                    let whole = &text[cursor.offset.min(end)..end];
+                    let call = self.flow.as_ref().map_or(0, Flow::row);
+                    let content = without_carriage_returns(whole);
+                    let line = Line { number: cursor.line, text: content, call };
+                    match self.line(line, cursor) {
+                        // It is read again with the rows.
+                        Outcome::Line | Outcome::Jump(_) if self.interpreter.misses_tools() => {
+                            break 'text;
                         }
+                        Outcome::Line if self.interpreter.event_count() >= parts.least => {
+                            // Near the end it is not worth while; with loops nobody knows how near it is.
+                            let after = left + text.len().saturating_sub(end) as u64;
+                            if self.flow.is_some() || after > parts.least as u64 {
+                                self.give(&mut parts, line);
+                            }
+                        }
+                        Outcome::Line => {}
+                        Outcome::Jump(to) => {
+                            cursor = to;
+                            continue 'jump;
+                        }
+                        Outcome::Stop => break 'text,
                     }
-                    Outcome::Line => {}
-                    Outcome::Jump(to) => {
-                        cursor = to;
-                        continue 'jump;
-                    }
-                    Outcome::Stop => break 'jump,
+                    cursor = Cursor { offset: end + 1, line: cursor.line + 1 };
                 }
-                cursor = Cursor { offset: end + 1, line: cursor.line + 1 };
+                break;
             }
-            break;
+            cursor.offset = 0;
         }
         self.findings.begin_block();
         if self.awaits.is_some() || self.interpreter.misses_tools() {
@@ -453,7 +460,7 @@ impl<'r> Reader<'r> {
     fn no_program(&mut self, line: Line<'_>, after: After) -> Outcome {
         let programs = self.rules.dialect.lexer.programs;
         if let After::Call { program, .. } = after {
-            let unread = unread_file(self.text, &program.to_string());
+            let unread = unread_file(self.held, &program.to_string());
             let (message, help) = unread.unwrap_or_else(|| match programs {
                 Some(programs) => programs.missing(program),
                 None => no_program(program),

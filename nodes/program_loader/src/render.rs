@@ -21,16 +21,35 @@ const LEAD_SHOWN: usize = 40;
 /// `text` is the program as its places count characters: a lossy conversion if it is not UTF-8.
 /// Without `color` the result is plain text.
 pub fn render(name: &str, text: &str, findings: &[Finding], color: bool) -> String {
+    draw_all(name, &shown_lines(text, 0, findings), &AppendedFiles::of(text), findings, color)
+}
+
+/// [`render`] where nothing but these lines is left of the text, in order.
+pub fn render_lines(
+    name: &str,
+    lines: &[(u32, String)],
+    findings: &[Finding],
+    color: bool,
+) -> String {
+    let lines: Vec<_> = lines.iter().map(|(number, line)| (*number, line.as_str())).collect();
+    draw_all(name, &lines, &AppendedFiles::default(), findings, color)
+}
+
+fn draw_all(
+    name: &str,
+    lines: &[(u32, &str)],
+    files: &AppendedFiles<'_>,
+    findings: &[Finding],
+    color: bool,
+) -> String {
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let name = &printable(name);
-    let lines = lines_of(text, findings);
-    let files = AppendedFiles::of(text);
     let mut drawn = String::new();
     for finding in findings {
         if !drawn.is_empty() {
             drawn.push_str("\n\n");
         }
-        drawn.push_str(&draw(&renderer, name, &lines, &files, finding));
+        drawn.push_str(&draw(&renderer, name, lines, files, finding));
     }
     if !drawn.is_empty() {
         drawn.push('\n');
@@ -38,15 +57,15 @@ pub fn render(name: &str, text: &str, findings: &[Finding], color: bool) -> Stri
     drawn
 }
 
-/// The lines that findings point at, by number; found in one pass.
-fn lines_of<'t>(text: &'t str, findings: &[Finding]) -> Vec<(u32, &'t str)> {
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+/// The lines that findings point at, by number, in a piece of a text after so many lines; found in one pass.
+pub fn shown_lines<'t>(text: &'t str, before: u32, findings: &[Finding]) -> Vec<(u32, &'t str)> {
+    let text = text.strip_prefix('\u{feff}').filter(|_| before == 0).unwrap_or(text);
     let mut wanted: Vec<u32> = findings.iter().map(|found| found.source.line).collect();
     wanted.sort_unstable();
     wanted.dedup();
-    let mut wanted = wanted.into_iter().filter(|&line| line > 0).peekable();
+    let mut wanted = wanted.into_iter().filter(|&line| line > before).peekable();
     let mut lines = Vec::new();
-    for (number, line) in (1_u32..).zip(text.lines()) {
+    for (number, line) in (before + 1..).zip(text.lines()) {
         match wanted.peek() {
             None => break,
             Some(&next) if next == number => {

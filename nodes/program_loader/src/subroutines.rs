@@ -90,6 +90,15 @@ pub(crate) fn unread_file(text: &[u8], name: &str) -> Option<(String, String)> {
     Some((format!("the file of subroutine {} was not read: {why}", shown(name)), help.to_owned()))
 }
 
+/// Whether a text calls programs by their numbers.
+pub(crate) fn calls_programs(text: &[u8], rules: &LexerRules) -> bool {
+    let mut called = CalledPrograms::default();
+    if rules.programs.is_some() || rules.parameters {
+        called.search(text, rules, rules.programs.and_then(|programs| programs.call));
+    }
+    !called.numbers.is_empty()
+}
+
 /// The numbers of the programs that a text calls, found once in what is appended to it as well.
 #[derive(Default)]
 struct CalledPrograms {

@@ -109,6 +109,14 @@ impl Tree {
     }
 }
 
+impl<N> Tree<N> {
+    /// Its memory.
+    pub(crate) fn bytes(&self) -> usize {
+        let leaves = self.leaves.capacity() * size_of::<Leaf<N>>();
+        size_of::<Self>() + leaves + self.above.capacity() * size_of::<Node<N>>()
+    }
+}
+
 impl<N: Nearness> Tree<N> {
     /// Over elements with their chains, in order; `None` is near nothing. `box_of` has the box of
     /// an element of this index, or of a part of it. No lowest box is wider

@@ -2,8 +2,10 @@
 //! its own.
 
 use crate::tools::parts::{ContourPart, PartCutter, PartPlanner, PartProof};
+use crate::tools::verdict::Verdict;
 use crate::walk::plan::{Plan, Workers};
 use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::finding::Finding;
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -12,26 +14,31 @@ use std::thread::{Scope, ScopedJoinHandle};
 /// Parts that wait for a step: so few that a fast reader does not fill the memory.
 const WAITING_MAX: usize = 1;
 
+/// Why no node runs a contour that is accepted, or the verdict on its first part that is refused.
+pub type Outcome = Result<Option<Finding>, Box<Verdict>>;
+
 /// The verdict on a contour that comes in parts, of which none is kept.
 #[derive(Debug)]
 pub struct PartsVerdict<'scope> {
     cutter: PartCutter<'scope>,
     parts: SyncSender<ContourPart>,
-    proof: ScopedJoinHandle<'scope, bool>,
+    proof: ScopedJoinHandle<'scope, Outcome>,
     is_untouched: bool,
 }
 
 impl<'scope> PartsVerdict<'scope> {
-    /// Before the first part. Its threads end when it is dropped.
+    /// Before the first part. Its threads end when it is dropped. What is kept of the parts takes at most so much memory.
     pub fn new(
         scope: &'scope Scope<'scope, '_>,
         profile: &'scope Profile,
         tools: &'scope ToolTable,
         workers: &'scope dyn Workers,
+        memory_bytes_max: u64,
     ) -> Self {
+        let planner = PartPlanner::new(profile, tools, workers, memory_bytes_max);
         let (parts, to_plan) = sync_channel(WAITING_MAX);
         let (plans, to_prove) = sync_channel(WAITING_MAX);
-        scope.spawn(move || plan(PartPlanner::new(profile, tools, workers), to_plan, plans));
+        scope.spawn(move || plan(planner, to_plan, plans));
         let proof = scope.spawn(move || prove(PartProof::new(profile, tools), to_prove));
         Self { cutter: PartCutter::new(profile), parts, proof, is_untouched: true }
     }
@@ -50,8 +57,11 @@ impl<'scope> PartsVerdict<'scope> {
         }
     }
 
-    /// Judges what is left of the contour; whether all of it is accepted.
-    pub fn accepts(self, rest: ProgrammedContour) -> bool {
+    /// Judges what is left of the contour.
+    ///
+    /// # Errors
+    /// Any part is refused.
+    pub fn judge(self, rest: ProgrammedContour) -> Outcome {
         let _ = self.parts.send(ContourPart { events: rest, is_last: true });
         drop(self.parts);
         self.proof.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -62,26 +72,24 @@ impl<'scope> PartsVerdict<'scope> {
 fn plan(
     mut planner: PartPlanner<'_>,
     parts: Receiver<ContourPart>,
-    plans: SyncSender<(ContourPart, Option<Plan>)>,
+    plans: SyncSender<(ContourPart, Plan)>,
 ) {
     for mut part in parts {
         let plan = planner.plan(&mut part);
-        let goes_on = plan.is_some();
+        let goes_on = plan.accepted();
         if plans.send((part, plan)).is_err() || !goes_on {
             return;
         }
     }
 }
 
-/// Whether all parts are accepted, to the last one.
-fn prove(mut proof: PartProof<'_>, plans: Receiver<(ContourPart, Option<Plan>)>) -> bool {
+/// Proves all parts, to the last one.
+fn prove(mut proof: PartProof<'_>, plans: Receiver<(ContourPart, Plan)>) -> Outcome {
     for (part, plan) in plans {
-        if !plan.is_some_and(|plan| proof.accepts(&part, plan)) {
-            return false;
-        }
+        proof.prove(&part, plan)?;
         if part.is_last {
-            return true;
+            return Ok(proof.too_long());
         }
     }
-    false
+    Err(Box::default())
 }

@@ -5,14 +5,15 @@
 //! [`PartPlanner`] plans them, and [`PartProof`] proves their paths. What is kept from part to part
 //! are the walls of the contours so far, against which later ones are checked.
 //!
-//! The verdict says only whether the contour is accepted. A caller who wants to know why it is not
-//! reads it again and asks [`judge`](crate::judge).
+//! The verdict on the first part that is refused says why that one is, and nothing of those after it. A caller who wants
+//! to know all reads the contour again and asks [`judge`](crate::judge).
 
-use crate::tools::verdict::{prove_part, too_long};
+use crate::tools::verdict::{Verdict, prove_part, refuse, too_long};
 use crate::walk::Walk;
 use crate::walk::parts::PartEnd;
 use crate::walk::plan::{Plan, Workers};
-use cnc_msgs::contour::ProgrammedContour;
+use cnc_msgs::contour::{ProgrammedContour, Source};
+use cnc_msgs::finding::{Code, Finding};
 use cnc_msgs::profile::Profile;
 use cnc_msgs::tool_table::ToolTable;
 use path_audit::Auditor;
@@ -64,19 +65,26 @@ pub struct PartPlanner<'a> {
     profile: &'a Profile,
     tools: &'a ToolTable,
     workers: &'a dyn Workers,
+    /// For what is kept from part to part.
+    memory_bytes_max: u64,
     /// `None` before the first part.
     walk: Option<Walk<'a>>,
 }
 
 impl<'a> PartPlanner<'a> {
-    /// Before the first part.
-    pub fn new(profile: &'a Profile, tools: &'a ToolTable, workers: &'a dyn Workers) -> Self {
-        Self { profile, tools, workers, walk: None }
+    /// Before the first part. What is kept from part to part takes at most so much memory.
+    pub fn new(
+        profile: &'a Profile,
+        tools: &'a ToolTable,
+        workers: &'a dyn Workers,
+        memory_bytes_max: u64,
+    ) -> Self {
+        Self { profile, tools, workers, memory_bytes_max, walk: None }
     }
 
-    /// The plan of the next part, which then starts where the one before has ended; `None` where no
-    /// part may end.
-    pub fn plan(&mut self, part: &mut ContourPart) -> Option<Plan> {
+    /// The plan of the next part, which then starts where the one before has ended. After a plan that is refused
+    /// there is no next part.
+    pub fn plan(&mut self, part: &mut ContourPart) -> Plan {
         let (profile, tools, workers) = (self.profile, self.tools, self.workers);
         let so_far = self.walk.take();
         if let Some(walk) = &so_far {
@@ -88,11 +96,25 @@ impl<'a> PartPlanner<'a> {
             walk.event(&event.kind, event.source);
         }
         if part.is_last {
-            return Some(walk.finish());
+            return walk.finish();
         }
-        let (plan, next) = walk.next_part(profile, tools, workers)?;
-        self.walk = Some(next);
-        Some(plan)
+        let last = part.events.events.last().map(|event| event.source).unwrap_or_default();
+        match walk.next_part(profile, tools, workers) {
+            Ok((mut plan, next)) => {
+                let limit = too_much(next.kept_bytes() as u64, self.memory_bytes_max, last);
+                if limit.is_some() {
+                    refuse(&mut plan, limit);
+                }
+                self.walk = Some(next);
+                plan
+            }
+            Err(mut plan) => {
+                if plan.accepted() {
+                    refuse(&mut plan, [no_end(last)]);
+                }
+                *plan
+            }
+        }
     }
 }
 
@@ -110,19 +132,79 @@ impl<'a> PartProof<'a> {
         Self { auditor: Auditor::new(profile, tools), counts: [0; 3] }
     }
 
-    /// Whether the plan of the next part is accepted, and all parts together are not too long. After
-    /// a part that is not, the contour is refused.
+    /// Proves the plan of the next part. After a part that is refused, the contour is.
     ///
-    /// Nothing is accepted that [`judge`](crate::judge) refuses: planner and audit go from part to
-    /// part with all that they know.
-    pub fn accepts(&mut self, part: &ContourPart, plan: Plan) -> bool {
+    /// Nothing is accepted that [`judge`](crate::judge) refuses, except for its length
+    /// ([`too_long`](Self::too_long)): planner and audit go from part to part with all that they know.
+    ///
+    /// # Errors
+    /// The verdict on a part that is refused.
+    pub fn prove(&mut self, part: &ContourPart, plan: Plan) -> Result<(), Box<Verdict>> {
         let contour = &part.events;
         let path = [plan.path.elements.len(), plan.path.events.len()];
         for (count, more) in self.counts.iter_mut().zip([contour.events.len(), path[0], path[1]]) {
             *count += more;
         }
+        let verdict = prove_part(&mut self.auditor, plan, contour);
+        if verdict.plan.accepted() { Ok(()) } else { Err(Box::new(verdict)) }
+    }
+
+    /// What no node accepts of all parts together: a contour longer than messages can be, or a path too long for the
+    /// driver.
+    pub fn too_long(&self) -> Option<Finding> {
         let [events, elements, functions] = self.counts;
-        too_long(events, [elements, functions]).is_none()
-            && prove_part(&mut self.auditor, plan, contour).plan.accepted()
+        too_long(events, [elements, functions])
+    }
+}
+
+/// Finds that contours take more memory than they may.
+fn too_much(bytes: u64, most: u64, source: Source) -> Option<Finding> {
+    let megabytes = |bytes: u64| bytes.div_ceil(1 << 20);
+    let message = format!(
+        "the contours up to line {} take {} MB of memory; {} MB are allowed",
+        source.line,
+        megabytes(bytes),
+        megabytes(most)
+    );
+    (bytes > most).then(|| {
+        Finding::error(Code::Limit, source, message)
+            .help("split the program, or plan it on a computer with more memory")
+    })
+}
+
+fn no_end(source: Source) -> Finding {
+    Finding::error(
+        Code::Limit,
+        source,
+        "compensation does not end here, so the program is not planned in parts",
+    )
+    .help("cancel the compensation with a move between contours, or split the program")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tools::verdict::tests::{offset, sinumerik, square};
+    use crate::walk::plan::Alone;
+
+    #[test]
+    fn contours_that_take_too_much_memory_are_refused_with_numbers() {
+        let (profile, tools) = (sinumerik(), offset(2.0));
+        for (most, is_refused) in [(1 << 20, false), (100, true)] {
+            let mut planner = PartPlanner::new(&profile, &tools, &Alone, most);
+            let mut proof = PartProof::new(&profile, &tools);
+            let mut part = ContourPart { events: square(), is_last: false };
+            let plan = planner.plan(&mut part);
+            let proved = proof.prove(&part, plan);
+            let Err(verdict) = proved else {
+                assert!(!is_refused);
+                continue;
+            };
+            let errors: Vec<_> = verdict.plan.findings.iter().filter(|it| it.is_error()).collect();
+            let [limit] = errors[..] else { panic!("{errors:?}") };
+            assert!(is_refused && limit.code == Code::Limit, "{limit:?}");
+            let wanted = "the contours up to line 7 take 1 MB of memory; 1 MB are allowed";
+            assert_eq!((limit.message.as_str(), limit.source.line), (wanted, 7));
+        }
     }
 }

@@ -110,7 +110,7 @@ pub(crate) fn prove_part(
 }
 
 /// Refuses a plan that was accepted.
-fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Finding>) {
+pub(crate) fn refuse(plan: &mut Plan, why: impl IntoIterator<Item = Finding>) {
     plan.findings.extend(why);
     // Findings about the program as a whole come first.
     plan.findings.sort_by_key(|finding| finding.source.line);

@@ -93,6 +93,21 @@ impl KeptWalls {
         self.places.len()
     }
 
+    /// The memory that it has allocated.
+    pub(crate) fn bytes(&self) -> usize {
+        let rest = self.rest.as_deref().map_or(0, |Rest { others, heights_mm, blocks, calls }| {
+            let is_whole = |it: &&(u32, Other)| matches!(it.1, Other::Whole(_));
+            let whole = others.iter().filter(is_whole).count() * size_of::<Element>();
+            size_of::<Rest>()
+                + size_of_val(&**others)
+                + whole
+                + size_of_val(&**heights_mm)
+                + size_of_val(&**blocks)
+                + size_of_val(&**calls)
+        });
+        size_of_val(&*self.points) + size_of_val(&*self.places) + rest
+    }
+
     pub(crate) fn element(&self, wall: usize) -> Element {
         let (from, to) = (self.points[wall], self.points[wall + 1]);
         let others = self.rest.as_deref().map_or(&[][..], |rest| &rest.others);

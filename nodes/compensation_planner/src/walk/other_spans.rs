@@ -48,6 +48,8 @@ pub(crate) struct EarlierSpans<'a> {
     budget: usize,
     /// How many findings may still be reported.
     findings_left: usize,
+    /// The memory of all contours.
+    bytes: usize,
 }
 
 /// The walls of one span.
@@ -87,14 +89,20 @@ impl<'a> EarlierSpans<'a> {
             frame: (1, 0),
             budget: budget(0),
             findings_left: FINDINGS_MAX,
+            bytes: 0,
         }
     }
 
     /// The same without the events of the spans so far.
     pub(crate) fn for_next_part<'b>(mut self) -> EarlierSpans<'b> {
         self.add_first();
-        let Self { left, places, known, frame, budget, findings_left, .. } = self;
-        EarlierSpans { first: None, left, places, known, frame, budget, findings_left }
+        let Self { left, places, known, frame, budget, findings_left, bytes, .. } = self;
+        EarlierSpans { first: None, left, places, known, frame, budget, findings_left, bytes }
+    }
+
+    /// The memory of the walls of all contours.
+    pub(crate) fn kept_bytes(&self) -> usize {
+        self.bytes
     }
 
     /// Follows the work coordinate system.
@@ -165,6 +173,7 @@ impl<'a> EarlierSpans<'a> {
             Entry::Occupied(same) => self.left[*same.get()].is_cut_again(&left),
             Entry::Vacant(new) => {
                 new.insert(self.left.len());
+                self.bytes += left.bytes();
                 self.places.push(bounds);
                 self.left.push(left);
             }
@@ -213,7 +222,9 @@ impl<'a> EarlierSpans<'a> {
             let mut deepest: Option<OtherCut> = None;
             let wall_box = |wall: usize| Bounds::of(&left.walls.element(wall));
             let of = (|piece: usize| (boxes[piece], ()), wall_box);
+            let is_new = left.tree.get().is_none();
             let walls = left.tree();
+            self.bytes += if is_new { walls.bytes() } else { 0 };
             let is_complete = tree.near_pairs(walls, reach, &mut self.budget, of, |on, into| {
                 let cut = pieces[on].cut_into(&left.walls, into, profile, span.d_mm);
                 let is_deeper = |cut: &OtherCut| {
@@ -263,6 +274,12 @@ impl SpanWalls {
         let fingerprint = (judged.len(), sum);
         let walls = KeptWalls::new(&judged, runs, span);
         Some((Self { part, fingerprint, walls, tree: OnceCell::new() }, bounds))
+    }
+
+    /// Its memory, with that of its places in lists.
+    fn bytes(&self) -> usize {
+        let places = 3 * size_of::<Bounds>() + 2 * size_of::<(Contour, usize)>();
+        2 * size_of::<Self>() + places + self.walls.bytes()
     }
 
     fn contour(&self) -> Contour {

@@ -133,6 +133,11 @@ impl<'a> Output<'a> {
         Output { profile, workers, certificates: None, emitter, spans, earlier, waiting, weight }
     }
 
+    /// The memory of the walls of all contours so far, bytes.
+    pub(super) fn kept_bytes(&self) -> usize {
+        self.earlier.kept_bytes()
+    }
+
     /// The certificates of all spans, as far as they were found.
     pub(super) fn finish_certificates(mut self, report: &mut SpanReport) -> Vec<Certificate> {
         self.put_out_waiting(report);

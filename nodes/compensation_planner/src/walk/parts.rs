@@ -12,15 +12,15 @@ use cnc_msgs::profile::{LeadMove, OutputPoint, Profile};
 use cnc_msgs::tool_table::ToolTable;
 
 impl<'a> Walk<'a> {
-    /// Ends a part: its plan, and the walk that goes on. `None` within a span.
+    /// Ends a part: its plan, and the walk that goes on. Within a span there is none, and the plan ends there.
     pub(crate) fn next_part<'b>(
         mut self,
         profile: &'b Profile,
         tools: &'b ToolTable,
         workers: &'b dyn Workers,
-    ) -> Option<(Plan, Walk<'b>)> {
+    ) -> Result<(Plan, Walk<'b>), Box<Plan>> {
         if !matches!(self.state, WalkState::Off) {
-            return None;
+            return Err(Box::new(self.finish()));
         }
         let plan = self.take_plan();
         let walk = Walk {
@@ -41,7 +41,12 @@ impl<'a> Walk<'a> {
             programmed: self.programmed,
             state: WalkState::Off,
         };
-        Some((plan, walk))
+        Ok((plan, walk))
+    }
+
+    /// The memory of what goes from part to part, bytes.
+    pub(crate) fn kept_bytes(&self) -> usize {
+        self.out.kept_bytes()
     }
 }
 

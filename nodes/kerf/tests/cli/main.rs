@@ -2,6 +2,7 @@
 
 mod bags;
 mod fleet;
+mod long;
 mod machine;
 mod outside;
 mod plan_json;

@@ -15,6 +15,11 @@ use cnc_msgs::finding::{Code, Finding};
 use std::collections::BTreeSet;
 
 impl FlowMap {
+    /// Whether the number of any program begins a line of a text.
+    pub(crate) fn has_program(text: &[u8], programs: &Programs) -> bool {
+        numbers(text, programs).next().is_some()
+    }
+
     /// Finds all programs of a text in a language without O words, and those in files that follow it.
     ///
     /// The number of the main program is not among them: nothing but comments stands before it.
@@ -100,24 +105,10 @@ struct Beginning {
 
 /// In the order of the text, after the number of the main program.
 fn beginnings(text: &[u8], programs: &Programs) -> Vec<Beginning> {
-    let mut found: Vec<Beginning> = file_starts(text)
-        .into_iter()
-        .filter_map(|(offset, name, end)| {
-            Some(Beginning { offset, number: name.parse().ok()?, file_end: Some(end) })
-        })
-        .collect();
-    for begins in programs.begins {
-        let first = begins.as_bytes()[0];
-        for at in memchr::memchr2_iter(first, first.to_ascii_lowercase(), text) {
-            let before = text[..at].trim_suffix_blanks();
-            if before.last().is_some_and(|byte| *byte != b'\n') {
-                continue;
-            }
-            if let Some(number) = number_after(&text[at..], begins) {
-                found.push(Beginning { offset: before.len(), number, file_end: None });
-            }
-        }
-    }
+    let files = file_starts(text).into_iter().filter_map(|(offset, name, end)| {
+        Some(Beginning { offset, number: name.parse().ok()?, file_end: Some(end) })
+    });
+    let mut found: Vec<Beginning> = files.chain(numbers(text, programs)).collect();
     found.sort_by_key(|beginning| beginning.offset);
     if found.first().is_some_and(|first| is_blank(&text[..first.offset])) {
         let first = found.remove(0);
@@ -130,6 +121,21 @@ fn beginnings(text: &[u8], programs: &Programs) -> Vec<Beginning> {
         }
     }
     found
+}
+
+/// All numbers of programs at the beginning of a line.
+fn numbers(text: &[u8], programs: &Programs) -> impl Iterator<Item = Beginning> {
+    programs.begins.iter().flat_map(move |begins| {
+        let first = begins.as_bytes()[0];
+        memchr::memchr2_iter(first, first.to_ascii_lowercase(), text).filter_map(move |at| {
+            let before = text[..at].trim_suffix_blanks();
+            if before.last().is_some_and(|byte| *byte != b'\n') {
+                return None;
+            }
+            let number = number_after(&text[at..], begins)?;
+            Some(Beginning { offset: before.len(), number, file_end: None })
+        })
+    })
 }
 
 /// Whether nothing but comments follows the first line of a text.

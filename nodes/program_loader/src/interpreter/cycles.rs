@@ -6,7 +6,7 @@
 use super::{FeedMode, Interpreter, Scene};
 use crate::dialect::{Distance, Group};
 use crate::limits::{
-    COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS, EVENTS_MAX,
+    COORDINATE_MM_MAX, CYCLE_MOVES_MAX, DWELL_SECONDS_MAX, DWELL_SECONDS_SUSPICIOUS,
     PECK_CLEARANCE_MM, STEP_LEFT_MM,
 };
 use crate::no_effect::RETRACT_TO_R;
@@ -215,7 +215,7 @@ impl Interpreter<'_> {
         let count = f64::from(repeats.unwrap_or(1));
         let steps = if cycle.needs() == Some(b'Q') { (r - bottom) / words.step } else { 1.0 };
         let moves = count * (3.0 * steps + 6.0);
-        if moves.is_nan() || moves > CYCLE_MOVES_MAX || self.all_event_count() > EVENTS_MAX {
+        if moves.is_nan() || moves > CYCLE_MOVES_MAX || self.is_too_long_with(0) {
             let message =
                 format!("the cycle takes {moves:.0} moves; at most {CYCLE_MOVES_MAX} are accepted");
             let help = "look for a missing digit in Q or L";

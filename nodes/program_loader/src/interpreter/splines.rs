@@ -7,7 +7,7 @@ use super::moves::End;
 use super::{Interpreter, Scene, arc};
 use crate::curve::{ControlPoint, Curve, PIECES_MAX, WEIGHT_RATIO_MAX};
 use crate::dialect::{GWord, Group, MWord, Mode};
-use crate::limits::{COORDINATE_MM_MAX, EVENTS_MAX};
+use crate::limits::COORDINATE_MM_MAX;
 use cnc_msgs::contour::{MotionClass, Source};
 use cnc_msgs::finding::Code;
 use cnc_msgs::geometry::{Arc, AxisSet, Plane, Position, Shape};
@@ -264,7 +264,7 @@ impl Interpreter<'_> {
         };
         // Measured: a piece of a curve of order 3, 4 and 10 takes as long as 3, 5 and 30 moves.
         self.curve_work += pieces.len() as u64 * (order * order) as u64 / 3;
-        if self.all_event_count() + pieces.len() > EVENTS_MAX {
+        if self.is_too_long_with(pieces.len()) {
             let message = "the program has too many moves".to_owned();
             self.report_block(scene, Code::Limit, message, "split the program");
             return false;

@@ -7,7 +7,7 @@ use super::axes::Reliance;
 use super::{Interpreter, Scene};
 use crate::dialect::{FeedMode, GWord, Group, LatheCycle, MWord, Mode};
 use crate::findings::Findings;
-use crate::limits::{COORDINATE_MM_MAX, CYCLE_MOVES_MAX, EVENTS_MAX};
+use crate::limits::{COORDINATE_MM_MAX, CYCLE_MOVES_MAX};
 use crate::turning::{self, Along, Corner, Cut, Move, Trouble};
 use cnc_msgs::contour::{MotionClass, Source};
 use cnc_msgs::finding::{Code, Finding};
@@ -201,7 +201,7 @@ impl Interpreter<'_> {
         self.axes.know(PLANE);
         let start = AXES.map(|axis| profile.start[axis]);
         let moves = turning::moves(&profile.motions, start, profile.cut, CYCLE_MOVES_MAX);
-        let moves = moves.and_then(|moves| match self.all_event_count() > EVENTS_MAX {
+        let moves = moves.and_then(|moves| match self.is_too_long_with(0) {
             true => Err(Trouble::Moves { count: self.all_event_count() as f64 }),
             false => Ok(moves),
         });

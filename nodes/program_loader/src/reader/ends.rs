@@ -28,8 +28,7 @@ impl Reader<'_> {
         if matches!(self.section, Section::After { .. }) {
             return;
         }
-        let is_empty_line = self.text.last() == Some(&b'\n');
-        self.no_end(last_line - u32::from(is_empty_line));
+        self.no_end(last_line - u32::from(self.ends_with_line_feed));
     }
 
     fn no_end(&mut self, line: u32) {
