@@ -39,7 +39,7 @@ impl LinePieces {
     /// The next lines, with their ends, and how many bytes follow them; nothing at the end.
     ///
     /// # Errors
-    /// The file cannot be read, has become shorter, or has a line of more than [`PIECE_BYTES`].
+    /// The file cannot be read, has become shorter or longer, or has a line of more than [`PIECE_BYTES`].
     pub fn next_piece(&mut self) -> Result<Option<(&[u8], u64)>, ReadError> {
         self.read.drain(..std::mem::take(&mut self.given));
         let room = (PIECE_BYTES - self.read.len()) as u64;
@@ -52,6 +52,9 @@ impl LinePieces {
             return Ok(None);
         }
         self.given = match self.left {
+            0 if self.file.metadata()?.len() > self.bytes => {
+                return Err(ReadError::Grew { most: self.bytes });
+            }
             0 => self.read.len(),
             _ => {
                 let end = self.read.iter().rposition(|byte| *byte == b'\n');
@@ -61,6 +64,20 @@ impl LinePieces {
         let after = self.left + (self.read.len() - self.given) as u64;
         Ok(Some((&self.read[..self.given], after)))
     }
+}
+
+/// The lines of a file.
+///
+/// # Errors
+/// As [`LinePieces::next_piece`].
+pub fn count_lines(path: &Path) -> Result<u64, ReadError> {
+    let mut pieces = LinePieces::open(path)?;
+    let mut lines = 0;
+    while let Some((piece, _)) = pieces.next_piece()? {
+        lines += piece.iter().filter(|byte| **byte == b'\n').count() as u64;
+        lines += u64::from(!piece.ends_with(b"\n"));
+    }
+    Ok(lines)
 }
 
 #[cfg(test)]
@@ -94,11 +111,12 @@ mod tests {
                 assert!(*after == 0 || piece.ends_with(b"\n") && piece.len() <= PIECE_BYTES);
             }
             assert_eq!(found.into_iter().flat_map(|it| it.0).collect::<Vec<_>>(), text);
+            assert_eq!(count_lines(&path).expect("read"), (lines + end.lines().count()) as u64);
         }
     }
 
     #[test]
-    fn a_line_that_is_longer_than_a_piece_and_a_file_that_shrinks_are_errors() {
+    fn a_line_that_is_longer_than_a_piece_and_a_file_that_changes_are_errors() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("long.ngc");
         std::fs::write(&path, vec![b'x'; PIECE_BYTES + 1]).expect("written");
@@ -108,5 +126,8 @@ mod tests {
         assert!(open.next_piece().is_ok_and(|it| it.is_some()));
         std::fs::write(&path, "M2").expect("written");
         assert!(matches!(open.next_piece(), Err(ReadError::Shrank { .. })));
+        let mut open = LinePieces::open(&path).expect("opened");
+        std::fs::write(&path, "M2\nG1 X").expect("written");
+        assert!(matches!(open.next_piece(), Err(ReadError::Grew { most: 2 })));
     }
 }

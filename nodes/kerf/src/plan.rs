@@ -79,7 +79,7 @@ pub(crate) struct PlanArgs {
     /// Write a page for a browser: both, with the program and the findings
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Print errors only; a program of plain lines may have any length then
+    /// Print errors only; judges plain programs of any length, also those that are too long to run
     #[arg(long)]
     quiet: bool,
     /// Has no effect: the path is always proved by a second algorithm
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
     let is_long = args.shows_errors_only() && args.parameters.is_none();
     let long = if is_long { LongProgram::open(&args.file) } else { None };
-    let mut text = if long.is_some() { Vec::new() } else { files::read_program(&args.file)? };
+    let text = if long.is_some() { Vec::new() } else { files::read_program(&args.file)? };
     let mut profile = files::profile(&args.control)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
     let folders = files::subroutines(&args.subroutines)?;
@@ -116,15 +116,13 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let options = LoadOptions { start: args.start, probes_touch_at, ..LoadOptions::default() };
     // With --quiet nobody reads certificates, and they cost more than the plan.
     let planning = Planning { certifies: !args.quiet, workers: &Threads::all() };
-    let mut plan = if args.shows_errors_only() { Planned::without_path } else { Planned::new };
+    let plan = if args.shows_errors_only() { Planned::without_path } else { Planned::new };
     if let Some(mut program) = long {
         let events = FILE_PART_EVENTS;
-        match OfFile::plan(&mut program, &profile, &tools, &options, planning, events) {
-            OfFile::Judged { is_accepted, shown } => return program.conclude(is_accepted, &shown),
-            OfFile::Refused => plan = Planned::new,
-            OfFile::NotPlain => {}
-        }
-        text = files::read_program(&args.file)?;
+        return match OfFile::plan(&mut program, &profile, &tools, &options, planning, events) {
+            OfFile::Judged { is_accepted, shown } => program.conclude(is_accepted, &shown),
+            OfFile::NotPlain => Err(program.not_judged()),
+        };
     }
     let text = with_subroutines(text, &profile, |name| files::subroutine(&folders, name));
     let text = match &args.parameters {

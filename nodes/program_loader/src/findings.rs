@@ -42,7 +42,7 @@ impl Findings {
         }
         self.in_block += 1;
         if self.list.len() >= DIAGNOSTICS_MAX || self.in_block > BLOCK_DIAGNOSTICS_MAX {
-            self.dropped += 1;
+            self.dropped = self.dropped.saturating_add(1);
             self.dropped_an_error |= finding.is_error();
         } else {
             self.list.push(finding);

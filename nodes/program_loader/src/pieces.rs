@@ -62,6 +62,7 @@ pub fn load_pieces(
     let (least, most) = part_events.into_inner();
     let mut interpreter = Interpreter::new(&rules, options.start, 2 * least);
     interpreter.hold_at_most(most);
+    interpreter.take_results(Default::default(), options.probes_touch_at);
     let reader = Reader::new(&[], &rules, options, interpreter, None, findings);
     let parts = Parts { least, most, take };
     let read = reader.read(&mut plain, parts);

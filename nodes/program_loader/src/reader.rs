@@ -146,9 +146,11 @@ impl<'r> Reader<'r> {
                             break 'text;
                         }
                         Outcome::Line if self.interpreter.event_count() >= parts.least => {
-                            // Near the end it is not worth while; with loops nobody knows how near it is.
+                            // Near the end it is not worth while; with loops nobody knows how near it is. A text in
+                            // pieces has more events than are held.
                             let after = left + text.len().saturating_sub(end) as u64;
-                            if self.flow.is_some() || after > parts.least as u64 {
+                            let is_held = self.flow.is_none() && parts.most == usize::MAX;
+                            if !is_held || after > parts.least as u64 {
                                 self.give(&mut parts, line);
                             }
                         }

@@ -31,8 +31,7 @@ impl Planned {
         planning: Planning<'_>,
     ) -> Self {
         let (mut loaded, is_accepted) = std::thread::scope(|scope| {
-            let memory = memory_bytes_max();
-            let mut parts = PartsVerdict::new(scope, profile, tools, planning.workers, memory);
+            let mut parts = PartsVerdict::new(scope, profile, tools, planning.workers, u64::MAX);
             let mut loaded = load_in_parts(text, profile, options, PART_EVENTS, &mut |contour| {
                 parts.take(contour);
             });
@@ -63,8 +62,6 @@ impl Planned {
 pub(super) enum OfFile {
     /// Its lines need each other, so that the text is to be read whole.
     NotPlain,
-    /// It is refused. Read and planned whole, all findings are the same as of any other program.
-    Refused,
     Judged {
         is_accepted: bool,
         shown: Vec<Finding>,
@@ -104,9 +101,6 @@ impl OfFile {
         };
         let too_long = program.too_long(loaded.line_count);
         let is_accepted = loaded.is_accepted() && outcome.is_ok();
-        if !is_accepted && too_long.is_none() {
-            return Self::Refused;
-        }
         if let Err(verdict) = &outcome
             && let Some(found) = &verdict.disagreement
         {
@@ -198,7 +192,7 @@ mod tests {
         let path = folder.path().join("long.ngc");
         std::fs::write(&path, text).expect("written");
         let most = ProgramSize { lines: lines_max, ..ProgramSize::HELD_MAX };
-        let mut program = LongProgram::of(&path, 0, most).expect("a file");
+        let mut program = LongProgram::of(&path, most).expect("a long program");
         let profile = settings::load_profile("rs274").expect("a shipped profile");
         let (tools, options) = (ToolTable::default(), LoadOptions::default());
         let planning = Planning { certifies: false, workers: &Alone };
@@ -251,24 +245,20 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_can_be_held_is_read_whole_where_it_is_refused_or_has_a_flow() {
-        let narrow = square(1000.0, 3.5);
-        let most = ProgramSize::HELD_MAX.lines;
-        for (end, is_refused) in [
-            (narrow.as_str(), true),
-            ("G1 X\n", true),
-            ("o1 repeat [2]\nG0 X5\no1 endrepeat\n", false),
-            ("M98 P10\n", false),
-        ] {
-            let (of_file, _) = planned(&program(end), 20..=1000, most);
-            let is_as_wanted = match is_refused {
-                true => matches!(of_file, OfFile::Refused),
-                false => matches!(of_file, OfFile::NotPlain),
-            };
-            assert!(is_as_wanted, "{end}: {of_file:?}");
+    fn a_program_with_a_flow_is_to_be_read_whole() {
+        for end in ["o1 repeat [2]\nG0 X5\no1 endrepeat\n", "M98 P10\n"] {
+            let (of_file, _) = planned(&program(end), 20..=1000, 82);
+            assert!(matches!(of_file, OfFile::NotPlain), "{end}: {of_file:?}");
         }
-        let (accepted, _) = planned(&program(""), 20..=1000, most);
-        assert_eq!(judged(&accepted), Some(Vec::new()));
+    }
+
+    #[test]
+    fn a_program_that_can_be_held_is_none_for_pieces() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("long.ngc");
+        std::fs::write(&path, "M2\n".repeat(100)).expect("written");
+        let is_long = |bytes, lines| LongProgram::of(&path, ProgramSize { bytes, lines }).is_some();
+        assert_eq!([is_long(300, 100), is_long(299, 100), is_long(300, 99)], [false, true, true]);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::terminal::show_findings;
 use cnc_msgs::finding::Finding;
 use compensation_planner::node::disagreement::FILE_BYTES_MAX;
 use intake::file::ReadError;
-use intake::line_pieces::{LinePieces, PIECE_BYTES};
+use intake::line_pieces::{LinePieces, count_lines};
 use program_loader::limits::ProgramSize;
 use program_loader::pieces::{Piece, Pieces};
 use program_loader::render::{render_lines, shown_lines};
@@ -19,19 +19,23 @@ pub(super) struct LongProgram<'p> {
     file: LinePieces,
     /// The largest program that is held.
     held_max: ProgramSize,
-    is_read: bool,
+    /// Why a piece could not be read.
+    failure: Option<ReadError>,
 }
 
 impl<'p> LongProgram<'p> {
-    /// `None` for a file that is no longer than a piece, or cannot be read.
+    /// `None` for a program that can be held, or cannot be read.
     pub(super) fn open(path: &'p Path) -> Option<Self> {
-        Self::of(path, PIECE_BYTES as u64, ProgramSize::HELD_MAX)
+        Self::of(path, ProgramSize::HELD_MAX)
     }
 
-    /// `None` for a file of no more than so many bytes.
-    pub(super) fn of(path: &'p Path, short_bytes: u64, held_max: ProgramSize) -> Option<Self> {
+    /// The same where no more than this is held.
+    pub(super) fn of(path: &'p Path, held_max: ProgramSize) -> Option<Self> {
         let file = LinePieces::open(path).ok()?;
-        (file.bytes() > short_bytes).then_some(Self { path, file, held_max, is_read: true })
+        let is_long = file.bytes() > held_max.bytes
+            || file.bytes() > held_max.lines.into()
+                && count_lines(path).is_ok_and(|lines| lines > held_max.lines.into());
+        is_long.then_some(Self { path, file, held_max, failure: None })
     }
 
     pub(super) fn name(&self) -> String {
@@ -40,7 +44,19 @@ impl<'p> LongProgram<'p> {
 
     /// Whether no piece has failed.
     pub(super) fn is_read(&self) -> bool {
-        self.is_read
+        self.failure.is_none()
+    }
+
+    /// What is said of a file that cannot be judged: a piece has failed, or it is to be read whole, and is too long for that.
+    pub(super) fn not_judged(&self) -> Failure {
+        let path = self.path.display();
+        match &self.failure {
+            Some(error) => Failure::usage(format_args!("cannot read {path}: {error}")),
+            None => Failure::usage(format_args!(
+                "{path} is too long: programs of more than 512 MiB or 10 million lines are judged by `kerf plan --quiet` \
+                 alone, without loops, subroutines, program numbers and tools that the program reads; split the program"
+            )),
+        }
     }
 
     /// Why it cannot be read and planned whole, if it cannot.
@@ -66,7 +82,11 @@ impl<'p> LongProgram<'p> {
         let mut file = LinePieces::open(self.path)?;
         let mut before = 0;
         let mut lines = Vec::new();
-        while let Some((piece, _)) = file.next_piece()? {
+        let places = findings.iter().flat_map(|it| [Some(it.source), it.other]).flatten();
+        let last = places.map(|place| place.line).max().unwrap_or_default();
+        while before < last
+            && let Some((piece, _)) = file.next_piece()?
+        {
             let text = String::from_utf8_lossy(piece);
             let count = text.bytes().filter(|byte| *byte == b'\n').count() as u32;
             let found = shown_lines(&text, before, findings);
@@ -93,8 +113,12 @@ impl<'p> LongProgram<'p> {
 impl Pieces for LongProgram<'_> {
     fn next(&mut self) -> Option<Piece<'_>> {
         let piece = self.file.next_piece();
-        self.is_read &= piece.is_ok();
-        let (text, left) = piece.ok()??;
-        Some(Piece { text, left })
+        match piece {
+            Ok(piece) => piece.map(|(text, left)| Piece { text, left }),
+            Err(error) => {
+                self.failure.get_or_insert(error);
+                None
+            }
+        }
     }
 }

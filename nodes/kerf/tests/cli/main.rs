@@ -2,7 +2,6 @@
 
 mod bags;
 mod fleet;
-mod long;
 mod machine;
 mod outside;
 mod plan_json;
