@@ -346,7 +346,7 @@ fn rules_of(profile: &Profile) -> (Rules<'_>, Findings) {
 
 /// What to do with a program that nobody holds.
 const LONG_HELP: &str =
-    "split the program; `kerf plan --quiet` judges one of plain lines whole, however long it is";
+    "split the program; `kerf plan --quiet` may judge one of plain lines without holding it";
 
 /// Why a program of this size is refused by all who hold it, as [`load`] does.
 pub fn too_long(size: ProgramSize, most: ProgramSize) -> Option<Finding> {

@@ -113,11 +113,12 @@ impl OfFile {
 /// What is shown of a program of which nothing is held. `too_long`: why it cannot be.
 fn shown(loaded: Loaded, outcome: Outcome, too_long: Option<Finding>) -> Vec<Finding> {
     let too_long = too_long.or(loaded.too_long);
+    let awaits = loaded.awaits;
     let mut shown = loaded.findings;
     shown.retain(Finding::is_error);
     match outcome {
         Ok(too_long_path) if shown.is_empty() => {
-            shown.extend(too_long.or(too_long_path).map(too_long_to_run));
+            shown.extend(too_long.or(too_long_path).map(|limit| too_long_to_run(limit, awaits)));
         }
         Ok(_) => {}
         Err(verdict) => {
@@ -129,8 +130,11 @@ fn shown(loaded: Loaded, outcome: Outcome, too_long: Option<Finding>) -> Vec<Fin
 }
 
 /// The plan is good, and yet no machine runs it: the only warning that is shown.
-fn too_long_to_run(limit: Finding) -> Finding {
-    let message = format!("the program is planned, and too long to be run: {}", limit.message);
+fn too_long_to_run(limit: Finding, awaits: Option<Source>) -> Finding {
+    // What follows needs the result of a probe or of M66.
+    let until = awaits.map_or(String::new(), |at| format!(" up to line {}", at.line));
+    let message =
+        format!("the program is planned{until}, and too long to be run: {}", limit.message);
     Finding::warning(Code::Limit, limit.source, message)
         .help("split the program into several to run it")
 }
@@ -250,6 +254,13 @@ mod tests {
             let (of_file, _) = planned(&program(end), 20..=1000, 82);
             assert!(matches!(of_file, OfFile::NotPlain), "{end}: {of_file:?}");
         }
+    }
+
+    #[test]
+    fn a_program_that_waits_for_a_probe_is_planned_up_to_there() {
+        let (of_file, _) = planned(&program("F50 G38.2 Z-9\n#1=#5063\nG1 X\n"), 20..=1000, 82);
+        let found = judged(&of_file).expect("plain lines");
+        assert!(found[0].2.starts_with("the program is planned up to line 84, and"), "{found:?}");
     }
 
     #[test]
