@@ -225,11 +225,6 @@ impl<'r> Interpreter<'r> {
         self.modal.compensation.is_selected()
     }
 
-    /// Whether any events were taken.
-    pub(crate) fn has_given(&self) -> bool {
-        self.taken > 0
-    }
-
     /// Offers the events so far.
     pub(crate) fn give(&mut self, take: &mut dyn FnMut(&mut ProgrammedContour)) {
         let count = self.contour.events.len();

@@ -199,11 +199,11 @@ pub fn load(text: &[u8], profile: &Profile, options: &LoadOptions) -> Loaded {
 }
 
 /// [`load`] for a contour that need not be kept: once it has so many events, `take` is called with
-/// it after each line without compensation, except for the last few, and may take all of its events. What it leaves comes
-/// again, and at last in what is returned; other fields of the contour are complete only there.
+/// it after each line without compensation, and may take all of its events. Without loops and subroutines that ends near the
+/// end of the text. What it leaves comes again, and at last in what is returned; other fields of the contour are complete only
+/// there, and the table of calls has the rows of what is left alone.
 ///
-/// From the first error on nothing is taken. Where anything was, the table of calls keeps all of its rows, because what was
-/// taken has their numbers.
+/// From the first error on nothing is taken.
 pub fn load_in_parts(
     text: &[u8],
     profile: &Profile,
@@ -305,7 +305,6 @@ fn loaded(
     if findings.has_error() {
         return Loaded { reads_tools, ..refused(findings, options, line_count) };
     }
-    let is_in_parts = interpreter.has_given();
     let too_long = interpreter.too_long();
     let (contour, bounds, named_tools) = interpreter.finish();
     let findings = findings.finish();
@@ -320,10 +319,7 @@ fn loaded(
         reads_tools,
         too_long,
     };
-    match is_in_parts {
-        true => loaded.contour.calls = calls,
-        false => loaded.take_calls(calls),
-    }
+    loaded.take_calls(calls);
     loaded
 }
 
