@@ -105,7 +105,7 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let [svg, html] = OutputFile::claim_both([args.svg.as_deref(), args.html.as_deref()], &inputs)?;
     let is_long = args.shows_errors_only() && args.parameters.is_none();
     let long = if is_long { LongProgram::open(&args.file) } else { None };
-    let text = if long.is_some() { Vec::new() } else { files::read_program(&args.file)? };
+    let mut text = if long.is_some() { Vec::new() } else { files::read_program(&args.file)? };
     let mut profile = files::profile(&args.control)?;
     profile.interference.react = args.interference.unwrap_or(profile.interference.react);
     let folders = files::subroutines(&args.subroutines)?;
@@ -119,10 +119,12 @@ pub(crate) fn run(args: &PlanArgs) -> CommandResult {
     let plan = if args.shows_errors_only() { Planned::without_path } else { Planned::new };
     if let Some(mut program) = long {
         let events = FILE_PART_EVENTS;
-        return match OfFile::plan(&mut program, &profile, &tools, &options, planning, events) {
-            OfFile::Judged { is_accepted, shown } => program.conclude(is_accepted, &shown),
-            OfFile::NotPlain => Err(program.not_judged()),
-        };
+        match OfFile::plan(&mut program, &profile, &tools, &options, planning, events) {
+            OfFile::Judged { is_accepted, shown } => return program.conclude(is_accepted, &shown),
+            // It is refused as one that has to be held.
+            OfFile::NotPlain => program.failure().map_or(Ok(()), Err)?,
+        }
+        text = files::read_program(&args.file)?;
     }
     let text = with_subroutines(text, &profile, |name| files::subroutine(&folders, name));
     let text = match &args.parameters {

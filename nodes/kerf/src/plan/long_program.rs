@@ -47,16 +47,12 @@ impl<'p> LongProgram<'p> {
         self.failure.is_none()
     }
 
-    /// What is said of a file that cannot be judged: a piece has failed, or it is to be read whole, and is too long for that.
-    pub(super) fn not_judged(&self) -> Failure {
+    /// What is said where a piece has failed.
+    pub(super) fn failure(&self) -> Option<Failure> {
         let path = self.path.display();
-        match &self.failure {
-            Some(error) => Failure::usage(format_args!("cannot read {path}: {error}")),
-            None => Failure::usage(format_args!(
-                "{path} is too long: programs of more than 512 MiB or 10 million lines are judged by `kerf plan --quiet` \
-                 alone, without loops, subroutines, program numbers and tools that the program reads; split the program"
-            )),
-        }
+        self.failure
+            .as_ref()
+            .map(|error| Failure::usage(format_args!("cannot read {path}: {error}")))
     }
 
     /// Why it cannot be read and planned whole, if it cannot.
